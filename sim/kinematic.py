@@ -63,7 +63,9 @@ class KinematicScene:
                 self.close()
                 raise
             self._now = Configuration(scene.start, dict(self._robot.shown))
-            self._contacts = Contacts(self._robot, self._bodies, self._held, self._leaves, self._gives_way)
+            self._contacts = Contacts(
+                self._robot, self._bodies, self._held, self._leaves, lambda name: self.changes.matter.gives_way(name)
+            )
         self._rays = Rays(self._client, self._bodies, self._robot)
         self._falling = Falling(self._bodies, self._rays, rate)
         self.changes = Changes(self._bodies, scene.rules, self._rays, self._falling, self._held)
@@ -73,9 +75,6 @@ class KinematicScene:
         for body in scene.bodies:
             self._contain(body)
         self._show(self._now)
-
-    def _gives_way(self, name: str) -> bool:
-        return self.changes.matter.gives_way(name)
 
     # States
 
@@ -117,7 +116,8 @@ class KinematicScene:
         for name, made in state.made.items():
             if self._made.get(name) != made:
                 self._made[name] = made
-                self._create(_body(name, made))
+                shape = BodyShape.CYLINDER if made.is_round else BodyShape.BOX
+                self._create(Body(name, made.at, made.size, shape, type=made.type, movable=True))
         there, carried = self.poses(), state.carried()
         for name in there:
             if not state.there(name):
@@ -406,8 +406,3 @@ class KinematicScene:
         if self._client >= 0:
             bullet.disconnect(physicsClientId=self._client)
             self._client = -1
-
-
-def _body(name: str, made: Made) -> Body:
-    shape = BodyShape.CYLINDER if made.is_round else BodyShape.BOX
-    return Body(name, made.at, made.size, shape, type=made.type, movable=True)

@@ -481,12 +481,9 @@ class SceneCollisions(ScenePart):
         rest = tuple(item for item in joints.items() if item[0] not in arm.joints)
         chain, changed = self._chains[arm.name], {name: value for name, value in fingers if joints.get(name) != value}
         cached = self._arm_bodies.setdefault((arm.name, fingers if changed else ()), Kept())
-        return cached.of((rest, self._in_hands()), lambda: chain.now(self._world, changed))
-
-    def _in_hands(self) -> object:
-        """Cache key of held objects; None with empty hands."""
         # Not of what they touched since the grasp: that only shrinks, and a larger set leaves more to exact checks.
-        return self._state() if self._belief.held else None
+        held = self._state() if self._belief.held else None
+        return cached.of((rest, held), lambda: chain.now(self._world, changed))
 
     def _own_links(self, arm: ArmModel) -> frozenset[str]:
         """Collect the links that the joints of an arm move, the torso's left out."""

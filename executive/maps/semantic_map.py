@@ -308,14 +308,10 @@ def _perceptions(ontology: Ontology) -> Iterator[str]:
             yield triple.subject
 
 
-def _texts(ontology: Ontology, iri: str, prop: str) -> tuple[str, ...]:
-    values = ontology.values(iri, expand(prop))
-    return tuple(dict.fromkeys(value.value.strip() for value in values if isinstance(value, Literal)))
-
-
 def _open_sides(ontology: Ontology, iri: str, types: tuple[str, ...]) -> tuple[str, ...]:
     """Sides that a thing states, else those that its nearest class does."""
-    stated = _texts(ontology, iri, "openSide")
+    values = ontology.values(iri, expand("openSide"))
+    stated = tuple(dict.fromkeys(value.value.strip() for value in values if isinstance(value, Literal)))
     classes = (one for cls in types for one in ontology.inherited_restrictions(cls, expand("openSide")))
     return stated or tuple(one.filler.value for one in classes if isinstance(one.filler, Literal))
 

@@ -227,11 +227,6 @@ class _Hand:
         best = max(axes, key=lambda axis: round(float(axis @ direction), 6), default=direction)
         return best if float(best @ direction) >= LOPSIDED else direction
 
-    def _straightened(self, direction: Array) -> Array:
-        """Snap a direction to a close axis of the hand or of the wrist's last joint; unchanged if none is close."""
-        straight = self._along_an_axis(direction)
-        return direction if straight is None else straight
-
     def _along_an_axis(self, direction: Array) -> Array | None:
         """Find the axis of the hand or of the wrist's last joint that is close to a direction; None if none is."""
         wrist = self._last_axis()
@@ -283,7 +278,9 @@ class _Hand:
 
     def _across(self, direction: Array, approach: Array) -> Array:
         """Unit vector (3,) along a direction, if it is close to an axis along that, perpendicular to the approach."""
-        across = self._straightened(direction / np.linalg.norm(direction))
+        across = direction / np.linalg.norm(direction)
+        axis = self._along_an_axis(across)
+        across = across if axis is None else axis
         across = across - approach * float(across @ approach)
         return np.asarray(across / np.linalg.norm(across))
 

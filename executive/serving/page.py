@@ -260,6 +260,7 @@ def _entry_page(
     """Render the page of an entry; ``problem`` is shown in the ``part`` of the page that caused it."""
     data = served.store.content(entry.uid, revision)
     _, reason, diagnostics = refusal(problem) if problem else (HTTPStatus.OK, "", ())
+    gravest = sorted(diagnostics, key=lambda one: ("error", "warning", "note").index(one.severity.value))
     text = text_of(data)
     return page(
         "entry",
@@ -277,7 +278,7 @@ def _entry_page(
         robots=[*([sent] if sent else []), *_comparisons(served, entry, robot, len(data))],
         ratings=range(LOWEST_RATING, HIGHEST_RATING + 1),
         reason=reason,
-        diagnostics=_first(diagnostics),
+        diagnostics=gravest[:MOST_SHOWN],
         part=part,
     )
 
@@ -298,11 +299,6 @@ def _comparisons(served: Serving, entry: Entry, requested: str, size: int) -> li
         except (Failed, Busy):
             comparisons.append(Comparison(robot, None, "cannot be compared now; try again later"))
     return comparisons
-
-
-def _first(diagnostics: Sequence[Diagnostic]) -> Sequence[Diagnostic]:
-    """Select the most severe diagnostics, as many as a page shows."""
-    return sorted(diagnostics, key=lambda one: ("error", "warning", "note").index(one.severity.value))[:MOST_SHOWN]
 
 
 for _one in Kind:
