@@ -85,7 +85,12 @@ class KinematicScene:
     def world_state(self, robot: str = ROBOT) -> WorldState:
         """The present state as a value, in which the robot has a name; held bodies are where they are now."""
         self._here()
-        held = {name: self._grip(name, one) for name, one in self._held.items() if one.on is None}
+        held = {}
+        for name, one in self._held.items():
+            if one.on is None:
+                others = tuple(Hold(link, link, offset) for link, offset in one.others.items())
+                before = self._bodies.poses[name]
+                held[name] = Grip(one.link, one.link, one.offset, before, others, self.riders(name))
         return WorldState(
             {robot: self.configuration()} if self.has_robot else {},
             {name: self._bodies.poses[name] for name in self.names()},
@@ -103,10 +108,6 @@ class KinematicScene:
         for name, bodies in touched.items():
             if name in self._held:
                 self._held[name].touched = set(bodies)
-
-    def _grip(self, name: str, held: HeldObject) -> Grip:
-        others = tuple(Hold(link, link, offset) for link, offset in held.others.items())
-        return Grip(held.link, held.link, held.offset, self._bodies.poses[name], others, self.riders(name))
 
     def arrange(self, state: WorldState) -> None:
         """Bring things to a state: make those that came to be, take out those that are not there, place the others.

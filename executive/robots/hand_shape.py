@@ -131,6 +131,7 @@ class _Hand:
         turn = self._frame(tip)[:3, :3].T
         links = [link for links in self.links.values() for link in links]
         touching = [link for link in links if link in self.world.robot.solid_names] or links
+        fingers = (points for name, points in self._points({}).items() if name != FIXED)
         return HandShape(
             tip,
             offset,
@@ -142,15 +143,10 @@ class _Hand:
             tuple(dict.fromkeys((*touching, *(self._jaw(approach) if opened else ())))),
             ahead is not None,
             tuple(self.stuck),
-            self._size(),
+            max((float(np.ptp(points, axis=0).max()) for points in fingers), default=0.0),
             without_shapes(self.mechanism, self.limb.hand, self.links, self.world.robot.solid_names),
             self._unclear(),
         )
-
-    def _size(self) -> float:
-        """Greatest extent of a finger along an axis of the hand [m]."""
-        fingers = [one for name, one in self._points({}).items() if name != FIXED]
-        return max((float(np.ptp(one, axis=0).max()) for one in fingers), default=0.0)
 
     def _unclear(self) -> str:
         """Word why the fingers of a hand of many cannot be told apart."""

@@ -477,10 +477,11 @@ class Run:
         """Line of the plan, or of a user's process module, that raised; None if planlang itself did."""
         files = [Path(frame.filename) for frame in traceback.extract_tb(problem.__traceback__)]
         plan = Path(str(inspect.getsourcefile(self.plan.function)))
+        own = Path(__file__).parents[1], Path(inspect.getfile(PyBulletWorld)).parent  # executive and simulator
         for path, what in [(plan, "the plan"), *((file, "the process modules") for file in self.options.modules or ())]:
             line = line_in(problem, str(path))
             below = files[len(files) - files[::-1].index(path) :] if path in files else files
-            if line is not None and not any(_is_own(file) for file in below):
+            if line is not None and not any(file.is_relative_to(folder) for file in below for folder in own):
                 return f"in {what}, {path.name}:{line}"
         return None
 
@@ -489,9 +490,3 @@ def run_plan_file(options: RunOptions, inputs: Inputs | None = None) -> RunResul
     """Assemble and execute a run. Raises BadInput for invalid input."""
     with Run(prepared(options), inputs) as run_:
         return run_.execute()
-
-
-def _is_own(file: Path) -> bool:
-    """Check whether a file is part of the executive or the simulator."""
-    own = Path(__file__).parents[1], Path(inspect.getfile(PyBulletWorld)).parent
-    return any(file.is_relative_to(folder) for folder in own)

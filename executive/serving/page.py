@@ -180,13 +180,10 @@ _entries = APIRouter(route_class=PageRoute, include_in_schema=False)
 @_entries.get("")
 def browse(kind: OfKind, served: Served, after: str = "") -> Response:
     """Show a page of the entries of a kind, after an identifier."""
-    found = listing(served, served.catalogue.uids(kind, after, MOST_LISTED + 1), MOST_LISTED, _plain)
+    uids = served.catalogue.uids(kind, after, MOST_LISTED + 1)
+    found = listing(served, uids, MOST_LISTED, lambda entry: {"entry": entry, "judgement": None})
     onward = f"/{kind.value}?" + urlencode({"after": found["next"]}) if found["next"] else None
     return page("browse", kind=kind, found=found["entries"], onward=onward, count=served.catalogue.count(kind))
-
-
-def _plain(entry: Entry) -> dict[str, Any]:
-    return {"entry": entry, "judgement": None}
 
 
 @_entries.get("/{uid}")
