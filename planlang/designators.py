@@ -21,7 +21,7 @@ from planlang.iris import names_of as names_of
 from planlang.iris import snake_case as snake_case
 from planlang.iris import told_apart as told_apart
 from planlang.iris import unused_name as unused_name
-from planlang.lengths import metres
+from planlang.lengths import bound_of
 from planlang.misuse import Usage, WrongType, WrongValue, amount, contrast, written
 from planlang.records import dataclass
 from planlang.relations import RELATIONS, measured, named
@@ -107,11 +107,12 @@ class Relation:
         for bound, length in (("within", self.within), ("beyond", self.beyond)):
             if length is not None and amount(length) is None:
                 raise _RELATION.wrong(bound, length, "a finite length >= 0 [m]", WrongValue)
+        arity = RELATIONS[self.name].arity
         if isinstance(self.references, Reference):
             warn(f"write Relation({self.name!r}, (reference,)): a relation may have several", DeprecationWarning, 3)
             object.__setattr__(self, "references", (self.references,))
         refers = isinstance(self.references, tuple) and all(isinstance(one, Reference) for one in self.references)
-        if not refers or len(self.references) != (arity := RELATIONS[self.name].arity):
+        if not refers or len(self.references) != arity:
             raise _RELATION.wrong("references", self.references, f"a tuple of {arity} objects or locations")
 
     @property
@@ -414,24 +415,13 @@ def _bounded(relations: list[Relation], within: float | str | None, beyond: floa
             f"within and beyond bound one relation of {', '.join(measured())}; this location has {here}. Join several "
             "bounded relations with &: a_location(near=bed, within=1.0) & a_location(near=door, within=2.0)"
         )
-    at_most, at_least = _length("within", within), _length("beyond", beyond)
+    at_most, at_least = bound_of("within", within), bound_of("beyond", beyond)
     if at_most is not None and at_least is not None and at_least > at_most:
         raise ValueError(f"no distance is beyond {at_least} m and within {at_most} m")
     return [
         replace(relation, within=at_most, beyond=at_least) if relation in bounded else relation
         for relation in relations
     ]
-
-
-def _length(bound: str, length: float | str | None) -> float | None:
-    try:
-        known = None if isinstance(length, str) else amount(length)
-        if length is None or known is not None:
-            return known
-        return metres(length)
-    except ValueError as problem:
-        wrong, right = (f"a_location(near=table, {bound}={code})" for code in (written(length), '"30 cm"'))
-        raise WrongValue(contrast(str(problem), wrong, right)) from None
 
 
 def a_posture(name: str) -> Posture:

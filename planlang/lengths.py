@@ -6,6 +6,8 @@ import math
 import re
 from decimal import Decimal
 
+from planlang.misuse import WrongValue, amount, contrast, written
+
 UNITS: dict[str, str] = {"mm": "0.001", "cm": "0.01", "dm": "0.1", "m": "1", "in": "0.0254", "ft": "0.3048"}
 """Metres per unit, as decimal fractions: with floats 35 cm and 0.35 m would be different numbers."""
 _PREFIXES = {"milli": "0.001", "centi": "0.01", "deci": "0.1", "": "1"}
@@ -33,3 +35,15 @@ def metres(length: float | str) -> float:
     if not (math.isfinite(value) and value >= 0):
         raise ValueError(f"a length must be finite and not negative, got {length!r}")
     return value
+
+
+def bound_of(parameter: str, length: float | str | None) -> float | None:
+    """Convert a bound of a location, a number [m] or a text; raises WrongValue with the right code."""
+    try:
+        known = None if isinstance(length, str) else amount(length)
+        if length is None or known is not None:
+            return known
+        return metres(length)
+    except ValueError as problem:
+        wrong, right = (f"a_location(near=table, {parameter}={code})" for code in (written(length), '"30 cm"'))
+        raise WrongValue(contrast(str(problem), wrong, right)) from None

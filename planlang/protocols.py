@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from enum import StrEnum
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 from numpy.typing import NDArray
 
@@ -55,6 +55,50 @@ class Trajectory:
 
     names: tuple[str, ...]
     positions: Array
+
+
+_FINGERS = "gripper of "
+
+
+class GroupKind(StrEnum):
+    BASE = "base"
+    HEAD = "head"
+    ARMS = "arms"
+    FINGERS = "fingers"
+
+
+class Group(str):
+    """Joints of a robot that move together: a motion of a group replaces the last one of the same group.
+
+    As text it is its name in traces, and what an interface may compare with: "base", "head", "right", "right and left",
+    "gripper of right".
+    """
+
+    __slots__ = ("arms", "kind")
+    kind: GroupKind
+    arms: tuple[str, ...]
+    """Names of the arms that move, or whose fingers do."""
+
+    def __new__(cls, kind: GroupKind, *arms: str) -> Self:
+        """Name the base, the head, one or several arms, or the fingers of an arm."""
+        text = " and ".join(arms)
+        group = super().__new__(cls, f"{_FINGERS}{text}" if kind is GroupKind.FINGERS else text or kind.value)
+        group.kind, group.arms = kind, arms
+        return group
+
+    def __getnewargs__(self) -> tuple[Any, ...]:
+        return (self.kind, *self.arms)
+
+    @staticmethod
+    def of(name: str) -> Group:
+        """Read the group that a text means, as modules may name those of their own robot."""
+        if isinstance(name, Group):
+            return name
+        if name in (GroupKind.BASE, GroupKind.HEAD):
+            return Group(GroupKind(name))
+        if name.startswith(_FINGERS):
+            return Group(GroupKind.FINGERS, name.removeprefix(_FINGERS))
+        return Group(GroupKind.ARMS, *name.split(" and "))
 
 
 class MotionState(StrEnum):
@@ -115,7 +159,7 @@ class RobotInterface(Protocol):
         """Return the pose of a link frame of the robot in the map."""
 
     def start(self, group: str, trajectory: Trajectory, *, pushes: str | None = None) -> None:
-        """Start a motion of a group ("base", an arm, ...); it ends at its goal, at an obstacle, or by :meth:`halt`.
+        """Start a motion of a :class:`Group`; it ends at its goal, at an obstacle, or by :meth:`halt`.
 
         ``pushes`` is the link of a hand that pushes movable obstacles aside; otherwise every obstacle stops the motion.
         """

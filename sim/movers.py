@@ -14,6 +14,9 @@ AHEAD = 0.5
 SAMPLES = 4
 """Poses that are checked on this distance: with a mover's own length, nothing is between them."""
 
+FINE, FACING = 0.01, 0.1
+"""Spacing of places on a route that are compared with a pose [m], and what a turn counts beside a distance [m/rad]."""
+
 
 @dataclass(frozen=True, slots=True)
 class Mover:
@@ -51,6 +54,16 @@ class Mover:
         x, y = (a + share * (b - a) for a, b in zip(start, end, strict=True))
         return Pose.planar(x, y, math.atan2(end[1] - start[1], end[0] - start[0]), height)
 
+    def gone_at(self, pose: Pose) -> float:
+        """Find the distance gone at which it is nearest to a pose [m], on its way there or back, as the pose faces."""
+
+        def away(gone: float) -> float:
+            there = self.pose_at(gone, pose.position[2])
+            return there.distance(pose) + FACING * there.turn(pose)
+
+        count = math.ceil(2 * self.length / FINE)
+        return min((2 * self.length * number / count for number in range(count)), key=away)
+
 
 class Movers:
     """Advances the movers of one world."""
@@ -72,6 +85,8 @@ class Movers:
         """
         for one in self._movers:
             here, step = self._poses[one.body], one.speed / self._rate
+            if here != self._pose(one, 0.0):  # somebody has put it elsewhere
+                self.gone[one.body] = one.gone_at(here)
             for far in (*(AHEAD * k / SAMPLES for k in range(1, SAMPLES + 1)), step):
                 self._place(one.body, self._pose(one, far))
                 if not is_free(one.body):

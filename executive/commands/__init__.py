@@ -1,1 +1,1 @@
-"""What commands do, below the command line and the library, which are two faces of it: arguments, checks, options."""
+"""What is done below :mod:`executive.api`: checks, compiling, sweeps; and what the machine has to have for it."""

@@ -40,7 +40,7 @@ from planlang.geometry import Array, Pose, matrices
 from planlang.geometry.areas import Block
 from planlang.kernel import Fluent, checkpoint, now, sleep, wait_for
 from planlang.language.resources import using
-from planlang.protocols import Motion, MotionState, RobotInterface, Touch, Trajectory
+from planlang.protocols import Group, GroupKind, Motion, MotionState, RobotInterface, Touch, Trajectory
 from planlang.records import dataclass
 from sim.falling import falling_time
 
@@ -124,6 +124,7 @@ class Control:
         :data:`GLANCE` whether the motion has to stop; its state is then "moving". Raises ObjectLost as soon as a
         hand of :meth:`watched` no longer feels its object, and the failure of the group if the robot reports one.
         """
+        group = Group.of(group)
         self.world.start(group, trajectory, pushes=pushes)
         try:
             at_rest = partial(self._is_at_rest, group)
@@ -145,7 +146,7 @@ class Control:
 
     # What the hands hold
 
-    def watched(self, group: str) -> Sequence[str]:
+    def watched(self, group: Group) -> Sequence[str]:
         """List the arms that must not lose what they hold while a group moves."""
         return [arm for grip in self.belief.held.values() for arm in grip.arms]
 
@@ -209,17 +210,17 @@ class Control:
         )
 
 
-def _failed(group: str, reason: str | None) -> PlanFailure:
+def _failed(group: Group, reason: str | None) -> PlanFailure:
     """Build the failure for a motion of a group that the robot reports as failed."""
     suffix = "" if reason is None else f": {reason}"
-    match group.partition(" of "):
-        case ("base", *_):
+    match group.kind:
+        case GroupKind.BASE:
             return NavigationGoalNotReached(f"{NavigationGoalNotReached.text}{suffix}")
-        case ("head", *_):
+        case GroupKind.HEAD:
             return LookingFailure(f"{LookingFailure.text}{suffix}")
-        case ("gripper", _, arm) if arm:
-            return GripperGoalNotReached(f"{GripperGoalNotReached.text}{suffix}", arm=arm)
-    return ManipulationGoalNotReached(f"{ManipulationGoalNotReached.text}{suffix}", arm=group)
+        case GroupKind.FINGERS:
+            return GripperGoalNotReached(f"{GripperGoalNotReached.text}{suffix}", arm=group.arms[0])
+    return ManipulationGoalNotReached(f"{ManipulationGoalNotReached.text}{suffix}", arm=str(group))
 
 
 class Hands:
@@ -245,7 +246,7 @@ class Hands:
             self._release_handle(arm)
         goal = gripper.closed if closed else dict(fingers) or gripper.opened
         path = np.stack([self._control.joints(gripper.joints), [goal[name] for name in gripper.joints]])
-        return await self._control.follow(f"gripper of {arm.name}", self._control.timed(gripper.joints, path))
+        return await self._control.follow(Group(GroupKind.FINGERS, arm.name), self._control.timed(gripper.joints, path))
 
     async def close(self, arm: ArmModel) -> Motion:
         """Close the fingers fully, or until they feel an object that stops them.
@@ -342,7 +343,8 @@ class Sensing:
         if not gaze.joints:
             await checkpoint()
             return
-        await control.follow("head", control.timed(gaze.joints, np.stack([control.joints(gaze.joints), neck])))
+        path = np.stack([control.joints(gaze.joints), neck])
+        await control.follow(Group(GroupKind.HEAD), control.timed(gaze.joints, path))
 
     def turn_towards(self, point: Array) -> None:
         """Begin to turn the neck towards a map point (3,), as far as it goes, and do not wait for its end."""

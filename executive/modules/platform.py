@@ -35,7 +35,7 @@ from planlang.designators import Action, FixedPose, Location, Object, action
 from planlang.failures import ActionUnresolvable, AmbiguousPerception, ManipulationGoalInCollision
 from planlang.geometry import Array, Pose, matrices
 from planlang.language.performing import actions_around, perform
-from planlang.protocols import MotionState, Trajectory
+from planlang.protocols import Group, GroupKind, MotionState, Trajectory
 from planlang.records import dataclass
 from planlang.relations.beside import InFrontOf
 from planlang.relations.reaching import InCenterOf
@@ -411,11 +411,12 @@ class Platform(Control):
             return self._exploration.goal is not None
         return self._searches is not None and name in self._searches.begun
 
-    def watched(self, group: str) -> Sequence[str]:
+    def watched(self, group: Group) -> Sequence[str]:
         """List the arms that must not lose what they hold: all while driving, else those of this branch of the plan."""
-        if group == "base":
+        if group.kind is GroupKind.BASE:
             return super().watched(group)
-        return [arm.name for arm in self.arms.holding(self.scene.arms.all) if group != f"gripper of {arm.name}"]
+        opening = group.arms if group.kind is GroupKind.FINGERS else ()
+        return [arm.name for arm in self.arms.holding(self.scene.arms.all) if arm.name not in opening]
 
     def missed(self, arm: ArmModel) -> None:
         """Record, for a robot without a camera, that a grasp missed, so the object is not where the map has it."""

@@ -13,9 +13,8 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, 
 from planlang.files import Bundled, decode, encoding_of, open_regular, read_at_most
 from planlang.language.source import PlanSource
 from planlang.outputs import LARGEST_PLAN
-from planlang.plan_versions import unresolved
+from planlang.plan_versions import has_conflicts, unresolved
 from planlang.records import dataclass
-from planlang.three_way import has_conflicts
 from planlang.words import Blank, Option, Text, calling
 
 

@@ -1,5 +1,6 @@
 """Poses obey the laws of rigid motions; what crosses the borders between the layers are values."""
 
+import copy
 import math
 from dataclasses import FrozenInstanceError
 from importlib.metadata import version
@@ -20,7 +21,7 @@ from planlang.failures import LowLevelFailure, PlanFailure
 from planlang.geometry import Pose
 from planlang.language.executive import Executive
 from planlang.language.process_module import NEEDED, ProcessModule
-from planlang.protocols import Configuration, Contact, Detection, Motion, RobotInterface
+from planlang.protocols import Configuration, Contact, Detection, Group, GroupKind, Motion, RobotInterface
 from sim import PyBulletWorld
 from sim.truth import Truth
 
@@ -176,3 +177,22 @@ def test_many_matrices_at_once_are_to_the_last_bit_those_of_one_by_one(several: 
     assert together.shape == (len(several), 4, 4)
     for matrix, pose in zip(together, several, strict=True):
         assert (matrix == pose.matrix()).all()
+
+
+@pytest.mark.parametrize(
+    ("group", "text"),
+    [
+        (Group(GroupKind.BASE), "base"),
+        (Group(GroupKind.HEAD), "head"),
+        (Group(GroupKind.ARMS, "right"), "right"),
+        (Group(GroupKind.ARMS, "right", "left"), "right and left"),
+        (Group(GroupKind.FINGERS, "left_arm"), "gripper of left_arm"),
+    ],
+)
+def test_a_group_is_its_text_and_is_read_from_it(group: Group, text: str) -> None:
+    read = Group.of(text)
+    assert (group, hash(group)) == (text, hash(text))
+    assert (read, read.kind, read.arms) == (text, group.kind, group.arms)
+    assert Group.of(group) is group
+    copied = copy.deepcopy(group)
+    assert (copied, copied.kind, copied.arms) == (group, group.kind, group.arms)

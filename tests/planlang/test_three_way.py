@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planlang.three_way import Merged, has_conflicts, merged
+from planlang.plan_versions import Merged, has_conflicts, merged
 from tests.support.examples import examples
 
 LINES = st.lists(st.sampled_from("abcdef"), max_size=12).map(lambda lines: "".join(f"{line}\n" for line in lines))

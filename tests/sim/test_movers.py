@@ -75,3 +75,12 @@ def test_a_seed_puts_a_mover_anywhere_on_its_way_but_not_into_the_robot() -> Non
     assert len(set(begins)) == len(begins)
     assert all(math.dist(ROUTE.pose_at(gone, 0.5).position[:2], (0.0, 0.0)) > 0.4 for gone in begins)
     assert perturb(scene, 0).movers == (ROUTE,)
+
+
+def test_a_mover_that_was_put_elsewhere_goes_on_from_there_as_it_faces() -> None:
+    world = PyBulletWorld(HALL, AMIGO)
+    world.step()
+    world.set_pose("porter", ROUTE.pose_at(8.0, 0.5))
+    world.step()
+    assert world.pose("porter").position == pytest.approx((0.0 - 0.5 / 30, 0.0, 0.5), abs=0.01)
+    world.close()

@@ -8,7 +8,7 @@ from executive.runs.assembly import RobotExecutive
 from planlang.designators import Action
 from planlang.failures import GripperGoalNotReached
 from planlang.language.process_module import WrappedModule
-from planlang.protocols import Motion, MotionState, RobotInterface, Trajectory
+from planlang.protocols import Group, GroupKind, Motion, MotionState, RobotInterface, Trajectory
 
 REPORTS = {
     "blocked": Motion(MotionState.BLOCKED),
@@ -23,7 +23,7 @@ class DeadHand:
     """Decorator of a robot interface: the fingers of one arm never move, and each motion ends as ``report`` says."""
 
     def __init__(self, robot: RobotInterface, arm: str, report: Motion) -> None:
-        self._robot, self._group, self._report = robot, f"gripper of {arm}", report
+        self._robot, self._group, self._report = robot, Group(GroupKind.FINGERS, arm), report
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._robot, name)

@@ -44,7 +44,7 @@ from planlang.kernel import checkpoint, compute_in_thread
 from planlang.language.performing import perform
 from planlang.language.process_module import process_module
 from planlang.motion_constraints import STANDING_FOR, ConstraintsUnsatisfied, Feature, MotionConstraint
-from planlang.protocols import Trajectory
+from planlang.protocols import Group, GroupKind, Trajectory
 
 INSIDE = 1 / 3
 """Margin on both sides within limits that is tried first, as a share of their width: motions end well inside."""
@@ -284,7 +284,7 @@ class ConstrainedWork(HandWork):
 
     async def gone(self, motion: GroundedMotion, trajectory: Trajectory, *, pushes: str | None = None) -> None:
         """Move the arms of a motion along a trajectory. Raises ManipulationGoalInCollision if they are stopped."""
-        await self.follow_to_end(" and ".join(arm.name for arm in motion.arms), trajectory, pushes=pushes)
+        await self.follow_to_end(Group(GroupKind.ARMS, *(arm.name for arm in motion.arms)), trajectory, pushes=pushes)
 
     def _leaning(self, motion: GroundedMotion, solved: PhaseMotion) -> set[str]:
         """Collect the objects in the arms of a motion that it does not keep upright."""

@@ -40,6 +40,7 @@ from planlang.failures import (
 )
 from planlang.geometry import Array, Pose
 from planlang.language.process_module import process_module
+from planlang.protocols import Group, GroupKind
 
 NEAR = 1.5
 """Distance within which the current base pose is tried first [m]."""
@@ -230,7 +231,7 @@ class TwoHands(HandWork):
         """Move both arms along a joint path (k, n)."""
         if len(rows) < 2:
             return
-        arms = " and ".join(arm.name for arm in paths.pair.arms)
+        arms = Group(GroupKind.ARMS, *(arm.name for arm in paths.pair.arms))
         try:
             trajectory = paths.timed(np.concatenate([paths.now()[None], rows[1:]]))
         except MotionError as problem:

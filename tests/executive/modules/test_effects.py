@@ -43,10 +43,12 @@ from planlang.designators import Action
 from planlang.failures import ActionUnresolvable, GoalNotAchieved, ObjectNotTurned, ObjectUnresolvable
 from planlang.geometry import Pose
 from planlang.ontology import load
+from planlang.protocols import RobotInterface
 from planlang.testing import compiled
 from sim import PlanningWorld, PyBulletWorld
 from sim.changes import amount_of, came_to_be, is_baked, origins_of
 from tests.support.kitchen import THINGS, kitchen_map
+from tests.support.noisy_camera import NoisyCamera
 
 KITCHEN = "http://example.org/kitchen.owl#"
 OVER_THE_MAKER = Pose((2.0, 0.0, 1.2), (1.0, 0.0, 0.0, 0.0))
@@ -130,6 +132,7 @@ class Kitchen:
 
 
 Make = Callable[..., Kitchen]
+Interface = Callable[[RobotInterface], RobotInterface]
 
 
 @pytest.fixture
@@ -137,14 +140,14 @@ def kitchen(amigo: Robot, tmp_path: Path) -> Iterator[Make]:
     """Makes kitchens whose modules are given; ``declared`` is added to the map."""
     worlds: list[PlanningWorld | PyBulletWorld] = []
 
-    def make(*modules: type[Cooking], declared: str = "") -> Kitchen:
+    def make(*modules: type[Cooking], declared: str = "", interface: Interface = lambda robot: robot) -> Kitchen:
         path = tmp_path / "kitchen.omn"
         path.write_text(kitchen_map() + declared, encoding="utf-8")
         semantic_map = read_map(load(path))
         scene = scene_of(semantic_map)
         truth, believed = PyBulletWorld(scene, amigo.body()), PlanningWorld(scene, amigo.body())
         worlds.extend((truth, believed))
-        platform = platform_of(amigo, semantic_map, truth, believed, 0)
+        platform = platform_of(amigo, semantic_map, interface(truth), believed, 0)
         return Kitchen(truth, RobotExecutive(platform, (*(modules or (Cooking,)), Waiting), truth))
 
     yield make
@@ -168,6 +171,13 @@ def test_cracking_an_egg_destroys_it_and_leaves_shell_and_yolk(kitchen: Make) ->
     assert cook.executive.holds(created(YOLK))
     assert cook.executive.holds(transformed_into(EGG, YOLK))
     assert not cook.executive.holds(destroyed(MILK))
+
+
+def test_effects_come_true_in_the_world_whose_interface_is_decorated(kitchen: Make) -> None:
+    cook = kitchen(interface=NoisyCamera)
+    cook.run(do("Cracking", object_acted_on=EGG))
+    for names in (cook.truth.names(), cook.belief.names()):
+        assert {"egg1", "Eggshell_1"}.intersection(names) == {"Eggshell_1"}
 
 
 def test_cracking_what_is_no_egg_changes_nothing(kitchen: Make) -> None:
