@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from importlib.metadata import PackageNotFoundError, requires
 
 _REQUIREMENT = re.compile(r"(?P<package>[^;]+?)\s*;.*\bextra == ['\"](?P<extra>[^'\"]+)['\"]")
 """A line of ``Requires-Dist``: https://packaging.python.org/en/latest/specifications/core-metadata/."""
@@ -15,8 +16,6 @@ def install_command(extra: str) -> str:
     It names the packages and not the extra: pip would look for planlang on its index, and planlang may have been
     installed from a checkout or a wheel.
     """
-    from importlib.metadata import PackageNotFoundError, requires  # slow to import, and hardly ever needed
-
     try:
         lines = requires("planlang") or ()
     except PackageNotFoundError:  # run from its sources
