@@ -18,7 +18,8 @@ from executive.cli.arguments import ReportArguments, ShowArguments
 from executive.commands.check import check
 from executive.maps import read_map, scene_of
 from executive.options.recipes import CheckOptions
-from executive.pictures.scene_picture import is_view, save_picture
+from executive.options.values import is_view
+from executive.pictures.scene_picture import save_picture
 from executive.robots import bind_robot
 from executive.runs.ending import ending_of
 from executive.runs.files import folders_beside, read, refuse

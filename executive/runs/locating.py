@@ -69,13 +69,19 @@ class _Files:
     additions: tuple[Path, ...]
 
 
-def locate(
-    options: LocateOptions, *, draws: bool = True, long_work: Report = unreported, waiting: Waiting = unwatched
-) -> Located:
-    """Find poses, and draw the candidates, which takes a fraction of a second. Raises BadInput for invalid input.
+def locate(options: LocateOptions, *, long_work: Report = unreported, waiting: Waiting = unwatched) -> Located:
+    """Find poses that match a phrase, and draw the candidates; ``explain`` also writes the drawing.
 
     ``long_work`` gets the progress of building reachability maps; ``waiting`` is entered while poses are searched.
+    Drawing takes a fraction of a second. Raises BadInput for invalid input.
     """
+    found = _located(options, long_work, waiting)
+    if options.explain is not None and found.sheet is not None:
+        found.picture(options.explain, force=True)
+    return found
+
+
+def _located(options: LocateOptions, long_work: Report, waiting: Waiting) -> Located:
     files, start = _found(options), None if options.start is None else planar(options.start)
     Shown(options.units or ())  # refuses invalid units before the search
     with ExitStack() as stack:
@@ -100,7 +106,7 @@ def locate(
         try:
             question = _Question(location, what, lexicon, platform, meant, diagnostics)
             located, log = _resolved(question, options, waiting)
-            return replace(located, sheet=_drawing(located, log, question, options)) if draws else located
+            return replace(located, sheet=_drawing(located, log, question, options))
         except LocationMeaningless as problem:
             raise BadInput([*diagnostics, *_of_no_place(problem, location, what, lexicon)]) from None
         except MissingCapability as problem:

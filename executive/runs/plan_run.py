@@ -15,7 +15,7 @@ from executive.maps import SemanticMap, read_map, scene_of
 from executive.maps.recognition_models import GivenPart, read_given_parts, with_given_parts
 from executive.modules.bundled import bundled_registry
 from executive.modules.platform import Platform
-from executive.options.running import header_entries
+from executive.options.running import RunSettings, header_entries
 from executive.robots import FindingKind, Missing, Robot, bind_robot, missing_capabilities, trusting_map
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of, real_scene, world_at_start
@@ -485,9 +485,12 @@ class Run:
         return None
 
 
-def run_plan_file(options: RunOptions, inputs: Inputs | None = None) -> RunResult:
-    """Assemble and execute a run. Raises BadInput for invalid input."""
-    with Run(prepared(options), inputs) as run_:
+def run_plan_file(options: RunSettings, inputs: Inputs | None = None) -> RunResult:
+    """Run a plan or a recipe in a simulated world; a failed plan is a result, too. Raises BadInput for invalid input.
+
+    :class:`~executive.runs.options.RunOptions` has observers besides; ``inputs`` caches input files.
+    """
+    with Run(prepared(options if isinstance(options, RunOptions) else RunOptions.of(options)), inputs) as run_:
         return run_.execute()
 
 
