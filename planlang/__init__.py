@@ -18,22 +18,19 @@ if TYPE_CHECKING:
 
     __version__: str
 else:  # with a __getattr__ in its sight, mypy would accept any name
+    from importlib import import_module
+
+    _FUNCTIONS = ("check", "compile", "locate", "simulate", "sweep")
+    _HOMES = {"__version__": "importlib.metadata", **dict.fromkeys(_FUNCTIONS, "executive.keywords")}
 
     def __getattr__(name: str) -> object:
+        home = import_module(_HOMES.get(name, "planlang.authoring"))  # nothing is loaded before it is asked for
         if name == "__version__":
-            from importlib.metadata import version  # slow to import, and hardly ever asked for
-
-            return version("planlang")
-        if name in ("check", "compile", "locate", "simulate", "sweep"):
-            import executive.keywords as home  # here and below: nothing is loaded before it is asked for
-        else:
-            import planlang.authoring as home  # not `from planlang`: that would ask here for authoring
+            return home.version("planlang")
         try:
             return getattr(home, name)
         except AttributeError:
             raise AttributeError(f"module 'planlang' has no attribute {name!r}") from None
 
     def __dir__() -> list[str]:
-        return sorted(
-            {*globals(), *__getattr__("__all__"), "BadInput", "check", "compile", "locate", "simulate", "sweep"}
-        )
+        return sorted({*globals(), *__getattr__("__all__"), "BadInput", *_FUNCTIONS})

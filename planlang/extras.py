@@ -1,9 +1,14 @@
-"""The command that installs the packages of an extra."""
+"""The packages of extras: the command that installs them, and the error if the one for recordings is missing."""
 
 from __future__ import annotations
 
 import re
 import shlex
+from importlib.metadata import PackageNotFoundError, requires
+from importlib.util import find_spec
+
+from planlang.diagnostics import Diagnostic, error
+from planlang.words import Option, Text
 
 _REQUIREMENT = re.compile(r"(?P<package>[^;]+?)\s*;.*\bextra == ['\"](?P<extra>[^'\"]+)['\"]")
 """A line of ``Requires-Dist``: https://packaging.python.org/en/latest/specifications/core-metadata/."""
@@ -15,11 +20,17 @@ def install_command(extra: str) -> str:
     It names the packages and not the extra: pip would look for planlang on its index, and planlang may have been
     installed from a checkout or a wheel.
     """
-    from importlib.metadata import PackageNotFoundError, requires  # slow to import, and hardly ever needed
-
     try:
         lines = requires("planlang") or ()
     except PackageNotFoundError:  # run from its sources
         return shlex.join(["pip", "install", f".[{extra}]"])
     found = (match for line in lines if (match := _REQUIREMENT.match(line)) is not None)
     return shlex.join(["pip", "install", *(one["package"] for one in found if one["extra"] == extra)])
+
+
+def no_recorder() -> list[Diagnostic]:
+    """Report an error (C012) if the package for recordings is not installed."""
+    if find_spec("rerun") is not None:
+        return []
+    advice = Text(f"{install_command('record')}, or leave out ", Option("record"))
+    return [error("C012", "a recording needs the package rerun-sdk, which is not installed", help=advice)]

@@ -14,13 +14,13 @@ HEIGHT = 720
 
 def highlighted(source: str) -> str:
     """Highlight Python source as HTML with inline colours."""
-    from pygments import highlight  # needed in notebooks only
-    from pygments.formatters import HtmlFormatter
-    from pygments.lexers import PythonLexer
+    from pygments import formatters, highlight, lexers  # needed in notebooks only, and each run imports this file
 
     # set text and background together: the light text of a dark notebook would be unreadable on this grey
-    formatter = HtmlFormatter(noclasses=True, style="default", cssstyles="background: #f8f8f8; color: #1b1b1b")
-    return str(highlight(source, PythonLexer(), formatter))
+    formatter = formatters.HtmlFormatter(
+        noclasses=True, style="default", cssstyles="background: #f8f8f8; color: #1b1b1b"
+    )
+    return str(highlight(source, lexers.PythonLexer(), formatter))
 
 
 def framed(page: str, title: str) -> str:

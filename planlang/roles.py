@@ -6,6 +6,7 @@ from functools import cache
 
 from planlang.designators import local_name, snake_case
 from planlang.files import bundled
+from planlang.ontology import load, terms
 from planlang.spelling import similar
 
 SURE = 0.85
@@ -21,8 +22,6 @@ USUAL = (
 @cache
 def known_roles() -> frozenset[str]:
     """Return the roles of the bundled vocabulary; it is read once, which takes about 0.4 s."""
-    from planlang.ontology import load, terms  # only for a role that looks misspelt
-
     ontology = load(bundled("ontologies") / "knowrob.omn")
     kinds = (terms.OWL.ObjectProperty, terms.OWL.DatatypeProperty)
     subjects = (triple.subject for kind in kinds for triple in ontology.triples(p=terms.RDF.type, o=kind))

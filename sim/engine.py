@@ -66,14 +66,10 @@ def c_numbers() -> Iterator[None]:
         library.freelocale(chosen)
 
 
-def _import() -> Any:
-    with quiet():
-        import pybullet  # it greets on stdout when it is imported
+with quiet():  # it greets on stdout when it is imported
+    import pybullet
 
-        return pybullet
-
-
-bullet: Any = _import()
+bullet: Any = pybullet
 """The ``pybullet`` module, which has no type information."""
 
 

@@ -307,9 +307,13 @@ class PlanningScene:
         return math.inf
 
     def surroundings(self) -> object:
-        """Summarise what is where beside the robot, what hands hold and which grips are refused, as a cache key."""
+        """Summarise what is where beside the robot, what hands hold and which grips are refused, as a cache key.
+
+        How devices are is part of it: who has switched one since goes on with nothing that was begun before.
+        """
         state = self.belief.state
-        return state.poses, state.joints, state.held, state.led, state.away, self.belief.memory.refused
+        there = state.poses, state.joints, state.held, state.led, state.away
+        return there, state.matter.states, self.belief.memory.refused
 
     def content(self) -> object:
         """Summarise what answers about places depend on, as a cache key: scenes of equal content have equal answers."""

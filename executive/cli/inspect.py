@@ -14,7 +14,7 @@ from executive.cli.console import progress_of
 from executive.locations.capabilities import ArmReach, Capabilities, capabilities_of
 from executive.locations.reachability import YAWS, GraspClass
 from executive.locations.reachability_maps import reachability_map
-from executive.pictures.drawn import drawn_in, missing
+from executive.pictures.drawn import drawn_in
 from executive.pictures.reach_picture import save_reach_picture
 from executive.robots import CARRYING, Arm, Robot, bind_robot
 from executive.robots.arms import arm_models, called, with_carrying
@@ -23,6 +23,7 @@ from executive.robots.mechanism import source_of
 from executive.robots.openings import REMEDY
 from executive.runs.files import check_files, refuse
 from planlang.diagnostics import BadInput, Diagnostic, error
+from planlang.extras import no_recorder
 from planlang.files import Bundled
 from planlang.outputs import PNG_OR_SVG, check_outputs, replace
 from sim import PlanningWorld, Scene
@@ -39,7 +40,7 @@ def command(arguments: InspectArguments) -> Answer:
     outputs = {"--picture": arguments.picture, "--record": arguments.record}
     inputs = {"the robot": source, "--urdf": urdf}
     problems += check_outputs(outputs, inputs, formats={"--picture": PNG_OR_SVG}, force=arguments.force)
-    problems += missing() if arguments.record is not None else []
+    problems += no_recorder() if arguments.record is not None else []
     refuse(problems)
     bare = bind_robot(source, urdf=urdf)
     robot = with_carrying(bare, report=progress_of(arguments))

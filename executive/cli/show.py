@@ -18,6 +18,8 @@ from executive.cli.arguments import ReportArguments, ShowArguments
 from executive.commands.check import check
 from executive.maps import read_map, scene_of
 from executive.options.recipes import CheckOptions
+from executive.options.values import is_view
+from executive.pictures.scene_picture import save_picture
 from executive.robots import bind_robot
 from executive.runs.ending import ending_of
 from executive.runs.files import folders_beside, read, refuse
@@ -73,8 +75,6 @@ def command(arguments: ShowArguments) -> Answer:
 
 def _check_drawn(shown: Shown, arguments: ShowArguments) -> None:
     """Raise BadInput or a usage error for a format or viewpoint that does not fit the file."""
-    from executive.pictures.scene_picture import is_view  # Pillow is slow to import
-
     output, view, formats = arguments.output, arguments.view, ", ".join(shown.suffixes) or "text only"
     if output is not None and output.suffix.lower() not in shown.suffixes:
         message = f"{arguments.file} cannot be drawn as {output.suffix or output.name}; formats: {formats}"
@@ -161,8 +161,6 @@ def _draw_map(path: Path, arguments: ShowArguments, output: Path) -> None:
 
 
 def _draw_world(scene: Scene, robot: RobotBody | None, view: str | None, output: Path) -> None:
-    from executive.pictures.scene_picture import save_picture  # Pillow is slow to import
-
     with closing(PyBulletWorld(scene, robot)) as world:
         replace(output, lambda temporary: save_picture(temporary, world, view=view))
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from executive.commands.checked import CheckResult
 from executive.commands.performed import performed_by_modules
+from executive.commands.reasoned import reasoned
 from executive.options.recipes import CheckOptions
 from executive.options.running import Source
 from executive.runs.files import RecipeFile, folders_beside, read, read_recipe_file, unacceptable
@@ -65,8 +66,6 @@ def _check_file(file: PlanSource | RecipeFile, options: CheckOptions, waiting: W
     if isinstance(file, RecipeFile):
         if not options.reason:
             return _recipe_or_map(file, options)
-        from executive.commands.reasoned import reasoned  # on request
-
         return reasoned(file, options, lambda: _recipe_or_map(file, options), waiting)
     fresh = freshness(file, folders=options.folders)
     diagnostics = [*fresh.diagnostics, *misspelt_roles(file)]

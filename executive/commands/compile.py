@@ -9,6 +9,7 @@ from executive.commands.performed import performed_by_modules
 from executive.options.recipes import CompileOptions
 from executive.runs.files import folders_beside, read_recipe_file, refuse
 from planlang.compiler import CompiledPlan, compile_recipe
+from planlang.compiler.drawing import unknown_format
 from planlang.diagnostics import Span, WrongOption, error
 from planlang.outputs import LONGEST, NO_DATA_FLOW, NO_SCOPES, Named, PlanHeader, check_outputs, header
 from planlang.plan_versions import merge_plan, write_versions
@@ -28,8 +29,6 @@ def compiled(options: CompileOptions) -> CompiledPlan:
     problems = check_outputs({Option("output"): output}, inputs, force=True)  # write_versions checks an existing plan
     problems += check_outputs({Option("graph"): graph}, {**inputs, Option("output"): output}, force=force)
     if graph is not None:
-        from planlang.compiler.drawing import unknown_format  # most plans are not drawn
-
         problems += unknown_format(graph)
     refuse(problems)
     before = _merged_header(options)

@@ -149,12 +149,16 @@ class Arms:
     def begun_grasp(self, arm: ArmModel, location: Location) -> HandSolution | None:
         """Look up the solution to continue: the grasp after a pre-grasp, or the retreat after a put-down.
 
-        None unless the location asks for it and neither things nor the base have moved since it began.
+        None unless the location asks for it and neither things nor the base have moved since it began. A retreat is
+        over once the hand has gone elsewhere: from there, in front of the thing is an approach.
         """
         if arm.name not in self.begun:
             return None
         there, base, solution = self.begun[arm.name]
-        if not asks_for(location, InFrontOf if solution.reach.kind is ReachKind.RETREAT else InCenterOf):
+        if solution.reach.kind is ReachKind.RETREAT:
+            if not (asks_for(location, InFrontOf) and any(self._is_near(arm, pose) for pose in solution.plan.poses)):
+                return None
+        elif not asks_for(location, InCenterOf):
             return None
         bind = self._control.scene.bodies.bind
         bodies = [bind(one) for one in location.objects()]
@@ -176,13 +180,17 @@ class Arms:
         _, base, solution = self.begun.get(arm.name, (None, (0.0, 0.0, 0.0), None))
         if solution is None or solution.reach.kind is not ReachKind.PLACE:
             return
-        if np.abs(self._control.scene.arms.tip(arm) - solution.plan.poses[1]).max() > AT_PLACE:
+        if not self._is_near(arm, solution.plan.poses[1]):
             return
-        plan = HandPoses(f"retreat from {what}", solution.plan.poses[2:], what)
+        plan = HandPoses(f"retreat from {what}", solution.plan.poses[1:], what)
         retreat = HandSolution(Reach(ReachKind.RETREAT, what), arm, plan, solution.joints[2:])
         self.begun[arm.name] = (self._control.scene.surroundings(), base, retreat)
 
     # Where it is
+
+    def _is_near(self, arm: ArmModel, pose: Array) -> bool:
+        """Check whether the tip is near a pose (4, 4) in the map."""
+        return bool(np.abs(self._control.scene.arms.tip(arm) - pose).max() <= AT_PLACE)
 
     def is_at(self, arm: ArmModel, q: Array) -> bool:
         """Check whether the arm is at joint positions (d,), within a milliradian or millimetre."""

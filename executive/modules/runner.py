@@ -10,7 +10,13 @@ from __future__ import annotations
 from collections.abc import AsyncIterable, AsyncIterator, Awaitable, Callable, Iterable
 from typing import Generic, TypeVar
 
-from planlang.failures import ManipulationFailure, ManipulationPoseUnreachable, NavigationFailure, PlanFailure
+from planlang.failures import (
+    DesignatorFailure,
+    ManipulationFailure,
+    ManipulationPoseUnreachable,
+    NavigationFailure,
+    PlanFailure,
+)
 from planlang.kernel import checkpoint
 from planlang.records import dataclass
 
@@ -48,7 +54,13 @@ async def each(candidates: AsyncIterable[C | None] | Iterable[C | None]) -> Asyn
 class _Tally:
     tried: int = 0
     problem: PlanFailure | None = None
-    """First failure of a candidate."""
+    """First failure of a candidate that was tried in the world, else of one for which no place was found."""
+
+    def failed(self, failure: PlanFailure) -> None:
+        """Count a candidate's failure."""
+        is_met = not isinstance(failure, DesignatorFailure)
+        if self.problem is None or (is_met and isinstance(self.problem, DesignatorFailure)):
+            self.problem = failure
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,7 +109,7 @@ class Skill(Generic[C, R]):
                 try:
                     return await self._attempt(candidate)
                 except self.failures as failure:
-                    tally.problem = tally.problem or failure
+                    tally.failed(failure)
                 await self.between()
                 is_new = self.believed() != believed and tally.tried < self.most
                 if is_new or tally.tried == self.most:

@@ -16,6 +16,8 @@ BasePose = tuple[float, float, float]
 """Pose of a base (x, y, yaw) [m, m, rad]."""
 Name = str | os.PathLike[str]
 """Name of something bundled, or path of a file."""
+FARTHEST = 1000.0
+"""Largest coordinate of a viewpoint, and depth of a picture in parallel projection [m]."""
 MOST_SETTINGS = 1_000_000
 """Maximum size of a file of bindings [bytes]."""
 
@@ -42,6 +44,25 @@ def planar(given: Any) -> BasePose:
     if not all(map(math.isfinite, (x, y, yaw))):
         raise WrongOption(f"{given!r}: numbers must be finite")
     return x, y, yaw
+
+
+def is_view(text: str) -> bool:
+    """Check the syntax of a view: overview, top, an eye, or an eye and a target."""
+    return text in ("overview", "top") or points_of_view(text) is not None
+
+
+def points_of_view(text: str) -> list[tuple[float, float, float]] | None:
+    """Parse one or two points, ``X,Y,Z`` or ``X,Y,Z:X,Y,Z``; None for any other text, and for equal points."""
+    points: list[tuple[float, float, float]] = []
+    for part in text.split(":"):
+        try:
+            x, y, z = map(float, part.split(","))
+        except ValueError:
+            return None
+        if not all(abs(one) <= FARTHEST for one in (x, y, z)):  # not a number is refused, too
+            return None
+        points.append((x, y, z))
+    return points if len(points) == 1 or (len(points) == 2 and points[0] != points[1]) else None
 
 
 def bindings(given: Any) -> dict[str, str]:

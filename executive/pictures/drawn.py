@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
-from importlib.util import find_spec
 from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element
 
@@ -19,8 +18,6 @@ from numpy.typing import NDArray
 
 from executive.pictures.looks import BEVEL, Piece, Rgba, colour_of, colours, look_of, pieces_of
 from executive.pictures.solids import Solid, ball, box, lathe, shaded, tube
-from planlang.diagnostics import Diagnostic, error
-from planlang.extras import install_command
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rigid, rotation_of
 from planlang.geometry.mesh import mesh_of
@@ -28,7 +25,6 @@ from planlang.geometry.shapes import Size, SolidKind
 from planlang.geometry.urdf import tree_of
 from planlang.geometry.urdf_schema import numbers
 from planlang.records import dataclass
-from planlang.words import Option, Text
 from sim.bodies import Color, Part
 from sim.scene import Body, BodyShape
 
@@ -419,11 +415,3 @@ def _link(look: Look) -> Shape:
 def _bytes(color: Color) -> Rgba:
     red, green, blue, opacity = (round(255 * share) for share in color)
     return red, green, blue, opacity
-
-
-def missing() -> list[Diagnostic]:
-    """Report an error (C012) if the package for recordings is not installed."""
-    if find_spec("rerun") is not None:
-        return []
-    advice = Text(f"{install_command('record')}, or leave out ", Option("record"))
-    return [error("C012", "a recording needs the package rerun-sdk, which is not installed", help=advice)]

@@ -7,18 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import field
-from typing import TYPE_CHECKING
 
 import numpy as np
 import rerun
 from numpy.typing import NDArray
 
 from executive.pictures.recorded_world import times
+from planlang.compiler.drawing import Order, TaskGraph
+from planlang.compiler.drawing.layers import layered
 from planlang.records import dataclass
 from planlang.runs.run_tree import RunTree, TaskNode
-
-if TYPE_CHECKING:
-    from planlang.compiler.drawing import TaskGraph
 
 LANES, TREE, RECIPE = "lanes", "plan", "recipe"
 """Root entities of this module."""
@@ -216,9 +214,6 @@ def record_tree(stream: rerun.RecordingStream, tree: RunTree, tasks: Sequence[Ta
 
 def record_recipe(stream: rerun.RecordingStream, graph: TaskGraph, tree: RunTree) -> None:
     """Write the graph of a recipe and its subrecipes, with steps in the colour of their action's status."""
-    from planlang.compiler.drawing import Order  # here, since plans in files run without the compiler
-    from planlang.compiler.drawing.layers import layered
-
     labels: list[str] = []
     places: list[tuple[float, float]] = []
     edges: list[tuple[int, int]] = []

@@ -1,7 +1,7 @@
 """Recordings of runs for the rerun viewer: the world, the robot's belief, and the plan, on one time line.
 
 Candidate base poses and grasps are coloured by the reason of their rejection. Importing it needs the package rerun-sdk;
-:func:`executive.pictures.drawn.missing` checks for it.
+:func:`planlang.extras.no_recorder` checks for it.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.options.values import FARTHEST
 from executive.pictures.modelling import Model, joined
 from planlang.geometry import Array
 from planlang.records import dataclass
@@ -76,22 +77,18 @@ class View:
     def project(self, points: NDArray[np.floating[Any]], size: tuple[int, int]) -> NDArray[np.floating[Any]]:
         """Project points (n, 3) to columns, rows [pixels] and nearness, (n, 3).
 
-        Nearness is 1 / depth in perspective, which is linear in the picture, and ``FAR`` - depth in a parallel one.
+        Nearness is 1 / depth in perspective, which is linear in the picture, and ``FARTHEST`` - depth in parallel.
         """
         width, height = size
         eye, axes = np.asarray(self.eye, points.dtype), self.axes().astype(points.dtype)
         local = np.einsum("ij,nj->ni", axes, points - eye)
         depth = local[:, 2]
         if self.width is not None:
-            scale, nearness = width / self.width, FAR - depth
+            scale, nearness = width / self.width, FARTHEST - depth
             return np.column_stack([local[:, 0] * scale + width / 2, local[:, 1] * scale + height / 2, nearness])
         near = 1.0 / np.maximum(depth, 1e-6)
         scale = height / 2 / math.tan(FIELD / 2)
         return np.column_stack([local[:, 0] * near * scale + width / 2, local[:, 1] * near * scale + height / 2, near])
-
-
-FAR = 1000.0
-"""Upper bound of depths in a parallel projection [m]."""
 
 
 class Frame:
@@ -226,7 +223,7 @@ class Shadow:
         scale, half = np.float32(SHADOW / (2 * self._radius)), np.float32(SHADOW / 2)
         across, down = across * scale + half, down * scale + half
         # the bias grows with the slope of the surface, as depth varies more within a pixel of the map
-        near = np.float32(FAR + BIAS) - ahead + 2 / (scale * np.maximum(cosines, np.float32(0.1)))
+        near = np.float32(FARTHEST + BIAS) - ahead + 2 / (scale * np.maximum(cosines, np.float32(0.1)))
         lit = np.zeros(len(near), np.float32)
         for dx in (-0.8, 0.8):
             columns = np.clip((across + np.float32(dx)).astype(np.int32), 0, SHADOW - 1)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image
 
+from executive.options.values import points_of_view
 from executive.pictures import rendering
 from executive.pictures.modelling import Model
 from executive.pictures.rendering import View, rendered
@@ -74,18 +75,9 @@ def shadow_sphere(view: View) -> tuple[Array, float]:
     return np.asarray(view.target), max(1.0, SHADED * distance)
 
 
-NAMED = ("overview", "top")
-"""Names of views."""
-
-
-def is_view(text: str) -> bool:
-    """Check the syntax of a view: a name, an eye, or an eye and a target."""
-    return text in NAMED or _points(text) is not None
-
-
 def stated_view(text: str, stage: Stage, poses: Mapping[Path, Pose], about: list[list[Path]], aspect: float) -> View:
     """Parse a view; an eye without a target looks at the centre of the picture's subjects."""
-    points = _points(text)
+    points = points_of_view(text)
     if points is None:
         return (from_top if text == "top" else overview)(stage, poses, aspect)
     if len(points) == 2:
@@ -93,17 +85,3 @@ def stated_view(text: str, stage: Stage, poses: Mapping[Path, Pose], about: list
     low, high = stage.bounds(poses, [path for paths in about for path in paths])
     x, y, z = ((low + high) / 2).tolist()
     return View(points[0], (x, y, z))
-
-
-def _points(text: str) -> list[rendering.Point] | None:
-    """Parse one or two points, ``X,Y,Z`` or ``X,Y,Z:X,Y,Z``; None for any other text, and for equal points."""
-    points: list[rendering.Point] = []
-    for part in text.split(":"):
-        try:
-            x, y, z = map(float, part.split(","))
-        except ValueError:
-            return None
-        if not np.isfinite([x, y, z]).all() or max(map(abs, (x, y, z))) > rendering.FAR:
-            return None
-        points.append((x, y, z))
-    return points if len(points) == 1 or (len(points) == 2 and points[0] != points[1]) else None

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
+import sim
+from planlang.diagnostics import line_in
 from planlang.failures import LocationUnresolvable, PlanFailure
 from planlang.records import dataclass
 
@@ -55,3 +60,19 @@ class Failure:
 
 def _where(link: BaseException) -> str | None:
     return str(link.where) if isinstance(link, PlanFailure) and link.where is not None else None
+
+
+def line_of_user(problem: Exception, plan: Path, modules: Sequence[Path]) -> str | None:
+    """Line of the plan, or of a user's process module, that raised; None if planlang itself did."""
+    files = [Path(frame.filename) for frame in traceback.extract_tb(problem.__traceback__)]
+    for path, what in [(plan, "the plan"), *((file, "the process modules") for file in modules)]:
+        line = line_in(problem, str(path))
+        below = files[len(files) - files[::-1].index(path) :] if path in files else files
+        if line is not None and not any(_is_own(file) for file in below):
+            return f"in {what}, {path.name}:{line}"
+    return None
+
+
+def _is_own(file: Path) -> bool:
+    """Check whether a file is part of the executive or the simulator."""
+    return any(file.is_relative_to(folder) for folder in (Path(__file__).parents[1], Path(sim.__file__).parent))

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from dataclasses import field, replace
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from executive.belief.scene_collisions import BasePose
 from executive.locations import Rejections
@@ -18,6 +18,7 @@ from executive.modules.platform import Platform
 from executive.options.declaring import outputs_of
 from executive.options.running import LocateOptions
 from executive.options.values import names, planar
+from executive.pictures.floor_plan import Resolution, picture, scenery_of
 from executive.robots import bind_robot
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import platform_of, world_at_start
@@ -37,11 +38,9 @@ from planlang.phrases.lexicon import GRASP_FORMS
 from planlang.progress import Report, Waiting, unreported, unwatched
 from planlang.records import dataclass
 from planlang.relations import RELATIONS
+from planlang.sheets import Sheet
 from planlang.words import Blank, Option, Text, joined
 from sim import PyBulletWorld
-
-if TYPE_CHECKING:
-    from planlang.sheets import Sheet
 
 
 @dataclass(slots=True)
@@ -70,13 +69,19 @@ class _Files:
     additions: tuple[Path, ...]
 
 
-def locate(
-    options: LocateOptions, *, draws: bool = True, long_work: Report = unreported, waiting: Waiting = unwatched
-) -> Located:
-    """Find poses, and draw the candidates, which takes a fraction of a second. Raises BadInput for invalid input.
+def locate(options: LocateOptions, *, long_work: Report = unreported, waiting: Waiting = unwatched) -> Located:
+    """Find poses that match a phrase, and draw the candidates; ``explain`` also writes the drawing.
 
     ``long_work`` gets the progress of building reachability maps; ``waiting`` is entered while poses are searched.
+    Drawing takes a fraction of a second. Raises BadInput for invalid input.
     """
+    found = _located(options, long_work, waiting)
+    if options.explain is not None and found.sheet is not None:
+        found.picture(options.explain, force=True)
+    return found
+
+
+def _located(options: LocateOptions, long_work: Report, waiting: Waiting) -> Located:
     files, start = _found(options), None if options.start is None else planar(options.start)
     Shown(options.units or ())  # refuses invalid units before the search
     with ExitStack() as stack:
@@ -101,7 +106,7 @@ def locate(
         try:
             question = _Question(location, what, lexicon, platform, meant, diagnostics)
             located, log = _resolved(question, options, waiting)
-            return replace(located, sheet=_drawing(located, log, question, options)) if draws else located
+            return replace(located, sheet=_drawing(located, log, question, options))
         except LocationMeaningless as problem:
             raise BadInput([*diagnostics, *_of_no_place(problem, location, what, lexicon)]) from None
         except MissingCapability as problem:
@@ -165,8 +170,6 @@ def _resolved(question: _Question, options: LocateOptions, waiting: Waiting) -> 
 
 
 def _drawing(located: Located, log: Rejections, question: _Question, options: LocateOptions) -> Sheet:
-    from executive.pictures.floor_plan import Resolution, picture, scenery_of  # Pillow is slow to import
-
     refused = [*log.refused, *((reason, hands) for reason, hands in log.hands if reason)]
     why = "" if located.failure is None else located.failure.message.partition(" (")[0]  # counts are listed
     resolution = Resolution(

@@ -66,6 +66,12 @@ class RunOptions(RunSettings):
         """Add observers to the options of a face."""
         return RunOptions(**values_of(settings, RunSettings), **observers)
 
+    @property
+    def has_outputs(self) -> bool:
+        """True if the run writes more than its trace, or is shown while it runs."""
+        files = self.picture, self.video, self.record, self.report, self.poses, self.update_map
+        return self.watch or self.watch_tree or any(file is not None for file in files)
+
     def unseen(self) -> RunOptions:
         """The same run, of which nothing is written or shown."""
         shown: dict[str, Any] = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import traceback
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -15,12 +14,12 @@ from executive.maps import SemanticMap, read_map, scene_of
 from executive.maps.recognition_models import GivenPart, read_given_parts, with_given_parts
 from executive.modules.bundled import bundled_registry
 from executive.modules.platform import Platform
-from executive.options.running import header_entries
+from executive.options.running import RunSettings, header_entries
 from executive.robots import FindingKind, Missing, Robot, bind_robot, missing_capabilities, trusting_map
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of, real_scene, world_at_start
 from executive.runs.ended_run import EndedRun
-from executive.runs.failure import Failure
+from executive.runs.failure import Failure, line_of_user
 from executive.runs.files import RecipeFile
 from executive.runs.final_state import state_lines
 from executive.runs.in_hands import InHand, in_hands, take
@@ -51,7 +50,7 @@ from executive.runs.remedies import able_robots, absent_things, call_of, call_to
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256, versions
 from executive.runs.written import WatchedWorld, Written, bodies_of
 from planlang.designators import Action, local_name
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, line_in, note, warning
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.failures import (
     ActionUnresolvable,
     AmbiguousPerception,
@@ -385,8 +384,7 @@ class Run:
         earlier: Past | Repetition | None,
     ) -> RunResult:
         options = self.options
-        written = Written(self.files, executive.platform, executive.tilts, truth)
-        written.ask(self.plan.name, bound, header, self.found, partial(self._context, header))
+        written = self._written(executive, truth, bound, header)
 
         def trace_after(earlier: Earlier | None) -> Trace:
             written.begin()
@@ -421,7 +419,7 @@ class Run:
             outcome, message = Outcome.FAILED, f"{type(problem).__name__}: {problem}"
             failure = Failure.of(problem)
         except Exception as problem:
-            where = self._user_line(problem)
+            where = line_of_user(problem, Path(str(inspect.getsourcefile(self.plan.function))), options.modules or ())
             if where is None:
                 raise
             outcome, message = Outcome.FAILED, f"{type(problem).__name__}: {problem}\n  {where}"
@@ -441,6 +439,18 @@ class Run:
             self.files.seed,
             EndedRun(options, trace.events, run_plan_file),
         )
+
+    def _written(
+        self, executive: RobotExecutive, truth: PyBulletWorld, bound: Mapping[str, Bound], header: Mapping[str, object]
+    ) -> Written:
+        """What follows the run, with the output files and displays that its options ask for."""
+        if not self.options.has_outputs:
+            return Written(self.files, executive.tilts, truth)
+        from executive.runs.outputs import Outputs  # Pillow, rich, pages: slow to import, and most runs have none
+
+        outputs = Outputs(self.files, executive.platform, executive.tilts, truth)
+        outputs.ask(self.plan.name, bound, header, self.found, partial(self._context, header))
+        return outputs
 
     def _most_steps(self, bound: Mapping[str, Bound], rate: int) -> int:
         """Maximum number of world steps; a repeated run ends with its trace."""
@@ -473,20 +483,11 @@ class Run:
             remedies={"Camera": Text(advice[0].message, "; ", advice[0].help or "")} if advice else {},
         )
 
-    def _user_line(self, problem: Exception) -> str | None:
-        """Line of the plan, or of a user's process module, that raised; None if planlang itself did."""
-        files = [Path(frame.filename) for frame in traceback.extract_tb(problem.__traceback__)]
-        plan = Path(str(inspect.getsourcefile(self.plan.function)))
-        own = Path(__file__).parents[1], Path(inspect.getfile(PyBulletWorld)).parent  # executive and simulator
-        for path, what in [(plan, "the plan"), *((file, "the process modules") for file in self.options.modules or ())]:
-            line = line_in(problem, str(path))
-            below = files[len(files) - files[::-1].index(path) :] if path in files else files
-            if line is not None and not any(file.is_relative_to(folder) for file in below for folder in own):
-                return f"in {what}, {path.name}:{line}"
-        return None
 
+def run_plan_file(options: RunSettings, inputs: Inputs | None = None) -> RunResult:
+    """Run a plan or a recipe in a simulated world; a failed plan is a result, too. Raises BadInput for invalid input.
 
-def run_plan_file(options: RunOptions, inputs: Inputs | None = None) -> RunResult:
-    """Assemble and execute a run. Raises BadInput for invalid input."""
-    with Run(prepared(options), inputs) as run_:
+    :class:`~executive.runs.options.RunOptions` has observers besides; ``inputs`` caches input files.
+    """
+    with Run(prepared(options if isinstance(options, RunOptions) else RunOptions.of(options)), inputs) as run_:
         return run_.execute()

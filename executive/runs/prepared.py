@@ -12,7 +12,7 @@ from pathlib import Path
 from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
 from executive.options.declaring import outputs_of
 from executive.options.running import RunSettings
-from executive.options.values import bindings, names, planar
+from executive.options.values import bindings, is_view, names, planar
 from executive.runs.files import (
     RecipeFile,
     accepted,
@@ -27,6 +27,7 @@ from executive.runs.files import (
 from executive.runs.options import RunOptions
 from executive.runs.traces import TraceHeader, header_to_repeat, read_trace
 from planlang.diagnostics import Diagnostic, WrongOption, error
+from planlang.extras import no_recorder
 from planlang.files import Bundled
 from planlang.language.source import PlanSource
 from planlang.outputs import Named, check_outputs
@@ -43,8 +44,11 @@ def _check_together(options: RunOptions) -> None:
         raise WrongOption("name a recipe or plan, or ", Option("resume", Blank("TRACE")))
     if options.world_as_left and options.resume is None:
         raise WrongOption(LEFT, " needs ", Option("resume"))
-    if options.view is not None:
-        _check_view(options.view, is_used=bool(options.picture or options.video))
+    if options.view is not None and not (options.picture or options.video):
+        raise WrongOption(Option("view"), " needs ", Option("picture"), " or ", Option("video"))
+    if options.view is not None and not is_view(options.view):
+        given = Option("view", options.view)
+        raise WrongOption(given, ": write X,Y,Z or X,Y,Z:X,Y,Z in metres of the map, overview, or top")
     if options.world_as_left and options.poses is not None:
         raise WrongOption(Option("poses"), " logs whole runs: leave out ", LEFT)
     if options.world_as_left and options.report is not None:
@@ -158,21 +162,8 @@ def _check_outputs(options: RunOptions, inputs: Mapping[Named, Path | None]) -> 
         outputs[Option("trace")] = options.trace or options.resume
     files = dict(inputs) | {Option("modules", file): file for file in options.modules or ()}
     yield from check_outputs(outputs, files, formats=formats, force=options.force)
-    if options.record is not None:
-        from executive.pictures.drawn import missing  # most runs draw nothing
-
-        yield from missing()
+    yield from no_recorder() if options.record is not None else ()
     yield from no_display() if options.gui else ()
-
-
-def _check_view(view: str, *, is_used: bool) -> None:
-    """Raise a usage error for a viewpoint that is invalid or unused."""
-    from executive.pictures.scene_picture import is_view  # Pillow is slow to import
-
-    if not is_used:
-        raise WrongOption(Option("view"), " needs ", Option("picture"), " or ", Option("video"))
-    if not is_view(view):
-        raise WrongOption(Option("view", view), ": write X,Y,Z or X,Y,Z:X,Y,Z in metres of the map, overview, or top")
 
 
 _NEEDS = "only bundled recipes have a default: this plan"

@@ -12,10 +12,10 @@ from dataclasses import replace
 from typing import Protocol
 
 from planlang.changes import Change, Poured, Switched, Transformed, TurnedOver
-from planlang.designators import local_name
 from planlang.geometry import Pose
 from planlang.geometry.matrices import upright
 from planlang.geometry.shapes import half_extents
+from planlang.iris import local_name
 from planlang.state.matter import Portion, merged
 from planlang.state.rules import PUDDLE, Rules, Size
 from planlang.state.world import Made, WorldState

@@ -83,13 +83,12 @@ class PlanRun(History, Generic[V]):
 
     def report(self, path: str | os.PathLike[str]) -> None:
         """Write an HTML report of the run: tree, lanes, failures and story, without a world."""
-        from planlang.report import Context, Told, model_of, page  # few tests write a page
-        from planlang.report.sources import source_of
+        from planlang.report import Context, Told, model_of, page, sources  # few tests write a page
 
         function = self.plan.function if isinstance(self.plan, Plan) else self.plan
         schedule = "first come, first served" if self.schedule is None else str(self.schedule)
         context = Context(
-            source_of(function),
+            sources.source_of(function),
             facts={"schedule": schedule},
             missing=("The run was scripted: it had no world that could be shown.",),
         )

@@ -227,7 +227,7 @@ def test_the_tables_have_every_option_that_names_a_file() -> None:
         for one in command.params:
             shown = str(getattr(one, "metavar", None) or "")
             is_file = any(word in shown for word in ("FILE", "PLAN", "FOLDER", "DIR", "TRACE", "STORE"))
-            if is_file and one.opts[0].startswith("-") and one.name not in ("modules", "set_"):
+            if is_file and one.opts[0].startswith("-") and one.name not in ("modules", "set"):
                 option = max(one.opts, key=len)
                 found.add(f"{' '.join(path)} {option}")
     tables = {" ".join(name.split(" of ")[0].split()) for name in (*OUTPUTS, *FOLDERS, *INPUTS)} | ELSEWHERE

@@ -119,7 +119,7 @@ def test_an_edited_plan_is_not_overwritten_without_force(tmp_path: Path, recipe:
     path = tmp_path / "plan.py"
     edited = source(OLD, "edited", compiled="compiled")
     path.write_text(edited)
-    with refusal("C005", naming="--merge"):
+    with refusal("C005", naming="merge=True"):
         write_plan(path, source(recipe, "compiled"), force=False)
     assert path.read_text() == edited
     write_plan(path, source(recipe, "compiled"), force=True)
@@ -144,7 +144,7 @@ def test_other_ends_of_lines_are_no_edit(tmp_path: Path) -> None:
 def test_a_file_that_is_no_compiled_plan_is_not_overwritten_without_force(tmp_path: Path) -> None:
     path = tmp_path / "thesis.tex"
     path.write_text("three years of work")
-    with refusal("C005", naming="--force"):
+    with refusal("C005", naming="force=True"):
         write_plan(path, source(OLD, "a"), force=False)
     assert path.read_text() == "three years of work"
 

@@ -26,9 +26,9 @@ from executive.pictures.scene_picture import picture
 from executive.runs.ending import ending_of
 from executive.runs.final_state import Tilts
 from executive.runs.options import Outcome, RunOptions, RunResult
+from executive.runs.outputs import names_in
 from executive.runs.plan_run import run_plan_file
 from executive.runs.traces import line_of, lines_of
-from executive.runs.written import names_in
 from planlang import Trace, VirtualHost, a_constraint, a_feature, par, perform, run, sleep
 from planlang.designators import action, an_object
 from planlang.diagnostics import BadInput

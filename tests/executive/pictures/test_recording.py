@@ -11,8 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 from executive.cli import app as cli
-from executive.pictures import drawn
-from executive.pictures.drawn import drawn_in, missing
+from executive.pictures.drawn import drawn_in
+from planlang import extras
 from planlang.files import Bundled
 from planlang.outputs import is_replaceable
 from sim import CameraModel, PyBulletWorld, RobotBody, Scene
@@ -30,8 +30,8 @@ async def park() -> None:
 def test_without_the_package_a_recording_is_bad_input_that_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(drawn, "find_spec", lambda name: None)
-    (problem,) = missing()
+    monkeypatch.setattr(extras, "find_spec", lambda name: None)
+    (problem,) = extras.no_recorder()
     assert (problem.code, problem.help) == ("C012", "pip install 'rerun-sdk>=0.32', or leave out record")
 
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from executive.options.values import is_view
 from executive.pictures.rendering import View
-from executive.pictures.scene_picture import is_view, picture, save_picture
+from executive.pictures.scene_picture import picture, save_picture
 from executive.pictures.stage import Stage
 from executive.pictures.viewpoints import subjects, view_of
 from planlang.files import bundled

@@ -329,5 +329,5 @@ def test_a_base_that_is_fixed_has_a_next_step(tmp_path: Path) -> None:
     parts = Parts()
     parts.gripper(parts.arm(parts.link("stand", (0.2, 0.2, 0.1)), "arm", 6, 0.0), "arm")
     lacks = possessions_of(bind_robot(parts.written(path))).lacks["BaseMotionCapability"]
-    for said in ("fixed = false", "[base]", "[mount]", "pass_a_drink", "--start X,Y,YAW"):
+    for said in ("fixed = false", "[base]", "[mount]", "pass_a_drink", "where it starts"):
         assert said in lacks

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from planlang.designators import label_iris, local_name, local_part
-from planlang.ontology import load
+from planlang.ontology import load_apart
 from planlang.ontology.naming import is_opaque
 from tests.support.cli_runs import invoke
 
@@ -102,7 +102,7 @@ def test_an_iri_keeps_its_first_name_and_no_two_share_one() -> None:
 
 def test_an_upload_names_nothing_in_the_process_that_reads_it(tmp_path: Path) -> None:
     content = b'<http://example.org/x#Q910001> <http://www.w3.org/2000/01/rdf-schema#label> "cup of an upload" .'
-    load(tmp_path / "upload.ttl", content=content, builtin=False)
+    load_apart(tmp_path / "upload.ttl", content=content, builtin=False)
     assert local_name("http://example.org/x#Q910001") == "Q910001"
 
 
