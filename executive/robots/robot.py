@@ -388,8 +388,3 @@ def side_of(*names: str) -> str | None:
     """Find the side in names: "left" or "right"; None if they contain neither or both."""
     sides = {word.lower() for name in names for word in re.findall(r"(?<![Uu]p)(?:[Ll]eft|[Rr]ight)|LEFT|RIGHT", name)}
     return sides.pop() if len(sides) == 1 else None
-
-
-def is_device(what: Object) -> bool:
-    """Check whether a designator refers to a part of the robot."""
-    return isinstance(what, Device)

@@ -9,15 +9,13 @@ from planlang.diagnostics import BadInput, Span, error
 from planlang.files import decode
 from planlang.ontology.axioms import DEEPEST
 from planlang.ontology.expressions import Expression
-from planlang.ontology.structures import ENTITIES, Names, Structures
+from planlang.ontology.structures import Names, Structures
 from planlang.ontology.terms import OWL, RDF, XSD, Literal
 from planlang.ontology.triples import Parsed
 from planlang.ontology.xml_text import EntityTable, explain, with_repairs
 
 _XML = "http://www.w3.org/XML/1998/namespace "
 _WITH_TEXT = frozenset(("IRI", "AbbreviatedIRI", "Literal", "Import"))
-_NAMED = frozenset((*ENTITIES, "IRI"))
-"""Elements that name an entity by an attribute."""
 
 
 def read_owlxml(content: bytes | str, file: str, *, base: str, label: str = "b") -> Parsed:

@@ -218,7 +218,6 @@ AXIOMS = {
 }  # fmt: skip
 """Word of an axiom -> the kinds of its parts, and what states it."""
 
-RULES_ADVICE = "express it by classes and property chains, or remove it"
 RULES = frozenset(("DLSafeRule", "DGRule", "DGAxiom"))
 _IN_RULES = frozenset(
     ("Body", "Head", "Variable", "ClassAtom", "DataRangeAtom", "ObjectPropertyAtom", "DataPropertyAtom", "BuiltInAtom",

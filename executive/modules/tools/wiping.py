@@ -36,9 +36,6 @@ ENOUGH = 0.8
 """Least share of the free area to wipe."""
 
 
-Stroke = Callable[..., Awaitable[Trajectory]]
-
-
 @process_module
 class Wiping(StrokeWork):
     """Wipes surfaces."""

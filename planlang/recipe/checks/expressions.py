@@ -20,7 +20,6 @@ from planlang.recipe.readers import partial_order
 from planlang.recipe.readers.alternatives import is_union
 from planlang.recipe.statements import KINDS, Filling, fillings_of, is_word
 
-_STEPS = ("subAction", "subEvents")
 _STATES = ("taskStartState", "taskEndState")
 _CONSTRAINTS = ("orderingConstraints", "inputOutputConstraints", "stateTransition")
 _ENDS = (
