@@ -354,5 +354,5 @@ def settings_from_header(header: Mapping[str, Any]) -> dict[str, Any]:
     return {
         name: list(map(str, value)) if isinstance(value, list) else value
         for name, value in values.items()
-        if isinstance(value, list) or value is True
+        if isinstance(value, list | int | float)
     }

@@ -14,6 +14,8 @@ from textwrap import dedent
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 ELISION = "...\n"
+_AT_ELISION = re.compile(r"^\.\.\.\n", re.MULTILINE)
+"""A line of its own: an output line may end in three dots."""
 ENDS_WITH_STATUS = "; echo $?"
 """How a command ends whose exit code is shown, as the last line of its output; of all others it is 0."""
 FIRST_RUN_ONLY = "building the reachability map"
@@ -103,7 +105,7 @@ def commands(block: Block) -> list[Command]:
 
 def agrees(shown: str, real: str) -> bool:
     """Whether an output is as a page shows it, ``...`` standing for any lines."""
-    parts = [re.escape(part) for part in shown.split(ELISION)]
+    parts = [re.escape(part) for part in _AT_ELISION.split(shown)]
     return re.fullmatch(r"(?:.*\n)*?".join(parts), real) is not None
 
 
@@ -119,7 +121,7 @@ def fitted(shown: str, real: str) -> str:
     As many lines as before are kept at each end; an excerpt between two ``...`` is looked for, numbers aside, and
     LookupError names one that is no longer there.
     """
-    first, *excerpts = shown.split(ELISION)
+    first, *excerpts = _AT_ELISION.split(shown)
     if not excerpts:
         return real
     lines = real.splitlines(keepends=True)
