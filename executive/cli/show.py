@@ -16,6 +16,7 @@ from executive.cli import inspect, report
 from executive.cli.answers import Answer, answer_of
 from executive.cli.arguments import ReportArguments, ShowArguments
 from executive.commands.check import check
+from executive.live.terminal import TerminalTree
 from executive.maps import read_map, scene_of
 from executive.options.recipes import CheckOptions
 from executive.options.values import is_view
@@ -212,8 +213,6 @@ def _plan_lines(plan: PlanSource) -> Iterator[str]:
 
 
 def _trace(path: Path, arguments: ShowArguments) -> Shown:
-    from executive.live.terminal import TerminalTree  # rich's live displays, of which traces alone need one
-
     recorded = recorded_run(path)
     told, tree = Told.of(line.record for line in recorded.lines), TerminalTree(inner=arguments.verbose)
     for line in recorded.lines:

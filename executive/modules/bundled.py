@@ -1,14 +1,13 @@
 """The process modules that come with planlang. Rarely needed ones are imported only when an action needs them.
 
-A table repeats the declarations of their classes, so that a lookup imports none of them. Regenerate it with
-``python -m executive.modules.bundled``.
+A table repeats the declarations of their classes, so that a lookup imports none of them. A test compares it with them,
+and says how to write it.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +18,9 @@ from executive.modules.looking import perception
 from executive.modules.platform import Platform
 from planlang.designators import Action, Object
 from planlang.diagnostics import Diagnostic
-from planlang.registry import ModuleRegistry, OnDemand, Rank, marked
+from planlang.registry import ModuleRegistry, OnDemand, Rank
 
-AT_ONCE = ("navigation", "arm.reaching", "gripper", "looking.perception")
+AT_ONCE = (navigation, reaching, gripper, perception)
 """Modules that every run needs; they are imported at once and are not in the table."""
 TABLE = Path(__file__).with_name("on_demand.json")
 
@@ -36,7 +35,7 @@ def _takes_several_hands(platform: Platform, action: Action) -> bool:
 def bundled_registry() -> ModuleRegistry:
     """Build a registry of the process modules that come with planlang."""
     registry = ModuleRegistry()
-    for module in (navigation, reaching, gripper, perception):
+    for module in AT_ONCE:
         registry.add(module, "planlang", Rank.BUNDLED)
     for one in on_demand({"two_hands": _takes_several_hands}):
         registry.add_on_demand(one, "planlang", Rank.BUNDLED)
@@ -61,25 +60,3 @@ def on_demand(performs: Mapping[str, Callable[[Any, Action], bool]]) -> Iterator
     for one in json.loads(TABLE.read_text(encoding="utf-8")):
         name, kinds = one["name"], tuple(getattr(failures, kind) for kind in one["failures"])
         yield OnDemand(one["place"], name, tuple(one["actions"]), kinds, performs.get(name))
-
-
-def table() -> str:
-    """Build the table's JSON from the current classes."""
-    folder = Path(__file__).parent
-    files = (file.relative_to(folder).with_suffix("") for file in folder.rglob("*.py") if file.stem != "__init__")
-    names = sorted(name for file in files if (name := ".".join(file.parts)) not in AT_ONCE)
-    rows = [
-        {
-            "place": f"{module.__name__}:{cls.__name__}",
-            "name": cls.name,
-            "actions": list(cls.actions),
-            "failures": [kind.__name__ for kind in cls.failures],
-        }
-        for module in (import_module(f"executive.modules.{name}") for name in names)
-        for cls in marked(module)
-    ]
-    return json.dumps(rows, indent=2) + "\n"
-
-
-if __name__ == "__main__":
-    TABLE.write_text(table(), encoding="utf-8")

@@ -446,11 +446,12 @@ class Run:
         """What follows the run, with the output files and displays that its options ask for."""
         if not self.options.has_outputs:
             return Written(self.files, executive.tilts, truth)
-        from executive.runs.outputs import Outputs  # Pillow, rich, pages: slow to import, and most runs have none
+        from executive.runs import outputs, reporting  # Pillow, rich, pages: slow to import, and most runs have none
 
-        outputs = Outputs(self.files, executive.platform, executive.tilts, truth)
-        outputs.ask(self.plan.name, bound, header, self.found, partial(self._context, header))
-        return outputs
+        written = outputs.Outputs(self.files, executive.platform, executive.tilts, truth)
+        context = partial(self._context, header, reporting.context_of)
+        written.ask(self.plan.name, bound, header, self.found, context)
+        return written
 
     def _most_steps(self, bound: Mapping[str, Bound], rate: int) -> int:
         """Maximum number of world steps; a repeated run ends with its trace."""
@@ -465,10 +466,9 @@ class Run:
         advice: Sequence[Diagnostic],
         forced: bool,
         header: Mapping[str, Any],
+        context_of: Callable[..., Context],
     ) -> Context:
         """Context of a page; ``notes`` are those that a repeated run has, too."""
-        from executive.runs.reporting import context_of  # few runs write a page: eight files of planlang.report
-
         options, file = self.options, self.files.file
         bindings = stated_bindings(self.plan, subject.bound, subject.map)
         several = self._compiled is not None and len(self._compiled.recipes.recipes) > 1

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -137,14 +136,9 @@ class Ontology:
 
         Blank nodes keep their statements, not their labels. Raises ImportError without owlready2.
         """
-        from owlready2 import World  # needs an extra
+        from planlang.ontology.owlready import world_of  # needs an extra, and few ontologies are converted
 
-        from planlang.ontology.nested_writers import ntriples  # few ontologies are converted
-
-        statements = (triple for triple in self.triples() if triple.predicate != OWL.imports)
-        world = World()
-        world.get_ontology(self.iri or "http://planlang/").load(fileobj=BytesIO(ntriples(statements).encode()))
-        return world
+        return world_of((triple for triple in self.triples() if triple.predicate != OWL.imports), self.iri)
 
     # triples
 

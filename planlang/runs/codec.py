@@ -4,7 +4,7 @@
 written as they are. Tuples, numbers that are not finite, members of an Enum and the value types of
 :mod:`planlang.designators`, :mod:`planlang.motion_constraints`, :mod:`planlang.geometry.matrices` and
 :mod:`planlang.protocols` become objects with a key that begins with ``$``. For safety, reading creates objects of no
-other class and imports nothing: Enums and classes of motion constraints are looked up among those that the program has
+other class and imports no other module: Enums and classes of constraints are looked up among those that the program has
 already defined.
 """
 
@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from enum import Enum
-from functools import cache
+from importlib import import_module
 from numbers import Integral, Real
 from typing import Any
 
@@ -86,7 +86,8 @@ def dump(value: object, depth: int = 0) -> Any:
         return {_key(key): dump(item, depth + 1) for key, item in value.items()}
     if isinstance(value, Enum):
         return {"$enum": f"{kind.__module__}.{kind.__qualname__}", "name": value.name}
-    if kind.__module__ in _MODULES and is_dataclass(value) and (kind in _checks() or isinstance(value, Filler)):
+    is_known = kind.__name__ in _VALUES or kind in _DESIGNATORS or isinstance(value, Filler)
+    if is_known and kind.__module__ in _MODULES and is_dataclass(value):
         inside = {field.name: dump(getattr(value, field.name), depth + 1) for field in fields(value)}
         return {"$": kind.__name__, **inside}
     raise Lost(f"{kind.__module__}.{kind.__qualname__}")
@@ -191,25 +192,27 @@ _MODULES = (
 )
 
 
-@cache
-def _checks() -> dict[type[Any], Callable[[Any], bool]]:
-    """Map the value types to functions that check the types of their fields."""
-    from planlang.geometry import Pose  # these need NumPy, and most plans in virtual time do not
-    from planlang.protocols import Configuration, Solution
-
-    return {
-        Pose: lambda pose: _floats(pose.position, 3) and _floats(pose.orientation, 4),
-        Configuration: lambda config: _floats(config.base, 3) and isinstance(config.joints, dict),
-        Solution: lambda found: (
-            _floats(found.base, 3) and isinstance(found.revision, int) and isinstance(found.detail, dict)
-        ),
-        **dict.fromkeys(_DESIGNATORS, lambda designator: True),  # their constructors check the fields
-    }
+_VALUES: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    "Pose": ("planlang.geometry", lambda pose: _floats(pose.position, 3) and _floats(pose.orientation, 4)),
+    "Configuration": (
+        "planlang.protocols",
+        lambda config: _floats(config.base, 3) and isinstance(config.joints, dict),
+    ),
+    "Solution": (
+        "planlang.protocols",
+        lambda found: _floats(found.base, 3) and isinstance(found.revision, int) and isinstance(found.detail, dict),
+    ),
+}
+"""Value type -> its module, and a function that checks the types of its fields."""
 
 
 def _make(name: str, inside: Mapping[str, Any]) -> Any:
-    fillers = (kind for kind in _subclasses(Filler) if kind.__module__ in _MODULES)
-    kind = next((kind for kind in (*_checks(), *fillers) if kind.__name__ == name), None)
+    home, fits = _VALUES.get(name, (None, None))
+    if home is not None:
+        kind = getattr(import_module(home), name)  # these need NumPy, and most plans in virtual time do not
+    else:
+        fillers = (kind for kind in _subclasses(Filler) if kind.__module__ in _MODULES)
+        kind = next((kind for kind in (*_DESIGNATORS, *fillers) if kind.__name__ == name), None)
     if kind is None:
         raise ValueError(f"unknown value type {name}")
     if kind is Relation and "reference" in inside:  # of traces that were written when there was one
@@ -221,7 +224,7 @@ def _make(name: str, inside: Mapping[str, Any]) -> Any:
         value = kind(**{key: load(item) for key, item in inside.items()})
     except PlanStructureError:
         raise ValueError(f"a field of {name} has the wrong type") from None
-    if kind in _checks() and not _checks()[kind](value):  # constructors of fillers check their fields
+    if fits is not None and not fits(value):  # other constructors check their fields
         raise ValueError(f"a field of {name} has the wrong type")
     return value
 
