@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from executive import api
 from executive.commands.checked import CheckResult
 from executive.commands.resources import check_memory
-from executive.options.declaring import Stated, declared, made
+from executive.options.declaring import declared, made
 from executive.options.recipes import CheckOptions, CompileOptions
 from executive.options.running import LocateOptions, RunSettings, Source, SweepOptions
 from planlang.diagnostics import BadInput, Severity
@@ -66,12 +66,9 @@ def options_of(kind: type[T], own: Mapping[str, Any], options: Mapping[str, Any]
     An option may go by any of its words. Raises BadInput for invalid values, TypeError for an unknown option.
     """
     known = declared(kind)
-    names = {word.strip("-").replace("-", "_"): name for name, one in known.items() for word in _words(one)}
+    words = ((word, name) for name, one in known.items() for both in one.declared.words for word in both.split("/"))
+    names = {word.strip("-").replace("-", "_"): name for word, name in words}
     return made(kind, {names.get(name, name): value for name, value in options.items()}, own)
-
-
-def _words(one: Stated) -> list[str]:
-    return [word for words in one.declared.words for word in words.split("/")]
 
 
 @with_options_of(RunSettings)

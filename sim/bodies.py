@@ -354,12 +354,7 @@ def plain(body: Body) -> tuple[Part, ...]:
 def _parts_of(own: tuple[Any, ...]) -> tuple[Part, ...]:
     """Split a body with these properties, which many things of a class share."""
     shape, size, cavities, blade, wall, handles, centre = own
-    return _split(
-        Body("", _HERE, size, shape, cavities=cavities, blade=blade, wall=wall, handles=handles, centre=centre)
-    )
-
-
-def _split(body: Body) -> tuple[Part, ...]:
+    body = Body("", _HERE, size, shape, cavities=cavities, blade=blade, wall=wall, handles=handles, centre=centre)
     return (*_without_handles(body), *(Part(SolidKind.BOX, one.size, one.pose) for one in body.handles))
 
 
@@ -414,7 +409,8 @@ def _around(size: tuple[float, float, float], cavities: Sequence[Cavity]) -> Ite
     The planes of the cavities' faces cut the box into cells; each full cell grows along x, y, then z into a larger box.
     """
     low, high = -np.asarray(size) / 2, np.asarray(size) / 2
-    hollows = [(np.clip(c - s / 2, low, high), np.clip(c + s / 2, low, high)) for c, s in _arrays(cavities)]
+    arrays = ((np.array(cavity.centre), np.array(cavity.size)) for cavity in cavities)
+    hollows = [(np.clip(c - s / 2, low, high), np.clip(c + s / 2, low, high)) for c, s in arrays]
     planes = [np.unique([low[k], high[k], *(end[k] for hollow in hollows for end in hollow)]) for k in range(3)]
     middles = np.stack(np.meshgrid(*((axis[1:] + axis[:-1]) / 2 for axis in planes), indexing="ij"), axis=-1)
     full = ~np.any([np.all((middles > lower) & (middles < upper), axis=-1) for lower, upper in hollows], axis=0)
@@ -445,10 +441,6 @@ def _dish(size: tuple[float, float, float], wall: float) -> Iterator[Part]:
         turn = 2 * half * number
         place = Pose.planar(middle * math.cos(turn), middle * math.sin(turn), turn)
         yield Part(SolidKind.BOX, (wall, 2 * radius * math.sin(half), height), place)
-
-
-def _arrays(cavities: Sequence[Cavity]) -> Iterator[tuple[Array, Array]]:
-    return ((np.array(cavity.centre), np.array(cavity.size)) for cavity in cavities)
 
 
 def _room(body: Body) -> tuple[Part, ...]:

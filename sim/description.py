@@ -327,7 +327,9 @@ def _box_of(link: ElementTree.Element) -> list[ElementTree.Element]:
     if box is None:
         return []
     extents, axes = box
-    position, turned = _origin(inertial.find("origin"))
+    origin = inertial.find("origin")
+    xyz, rpy = ("0 0 0" if origin is None else origin.get(name, "0 0 0") for name in ("xyz", "rpy"))
+    position, turned = numbers(xyz), rotation_of(*numbers(rpy))
     collision = ElementTree.Element("collision")
     ElementTree.SubElement(collision, "origin", xyz=_text(position), rpy=_text(angles_of(product(turned, axes))))
     ElementTree.SubElement(ElementTree.SubElement(collision, "geometry"), "box", size=_text(extents))
@@ -366,11 +368,6 @@ def _principal(inertia: Array) -> tuple[Array, Array]:
         turn[p, q], turn[q, p] = tangent * cosine, -tangent * cosine
         moments, axes = product(product(turn.T, moments), turn), product(axes, turn)
     return np.diag(moments), axes
-
-
-def _origin(element: ElementTree.Element | None) -> tuple[tuple[float, ...], Array]:
-    xyz, rpy = ("0 0 0" if element is None else element.get(name, "0 0 0") for name in ("xyz", "rpy"))
-    return numbers(xyz), rotation_of(*numbers(rpy))
 
 
 def _text(values: Sequence[float] | Array) -> str:

@@ -63,7 +63,9 @@ class KinematicScene:
                 self.close()
                 raise
             self._now = Configuration(scene.start, dict(self._robot.shown))
-            self._contacts = Contacts(self._robot, self._bodies, self._held, self._leaves, self._gives_way)
+            self._contacts = Contacts(
+                self._robot, self._bodies, self._held, self._leaves, lambda name: self.changes.matter.gives_way(name)
+            )
         self._rays = Rays(self._client, self._bodies, self._robot)
         self._falling = Falling(self._bodies, self._rays, rate)
         self.changes = Changes(self._bodies, scene.rules, self._rays, self._falling, self._held)
@@ -74,9 +76,6 @@ class KinematicScene:
             self._contain(body)
         self._show(self._now)
 
-    def _gives_way(self, name: str) -> bool:
-        return self.changes.matter.gives_way(name)
-
     # States
 
     def queries(self, at: Callable[[WorldState], KinematicScene]) -> EngineQueries:
@@ -86,7 +85,12 @@ class KinematicScene:
     def world_state(self, robot: str = ROBOT) -> WorldState:
         """The present state as a value, in which the robot has a name; held bodies are where they are now."""
         self._here()
-        held = {name: self._grip(name, one) for name, one in self._held.items() if one.on is None}
+        held = {}
+        for name, one in self._held.items():
+            if one.on is None:
+                others = tuple(Hold(link, link, offset) for link, offset in one.others.items())
+                before = self._bodies.poses[name]
+                held[name] = Grip(one.link, one.link, one.offset, before, others, self.riders(name))
         return WorldState(
             {robot: self.configuration()} if self.has_robot else {},
             {name: self._bodies.poses[name] for name in self.names()},
@@ -105,10 +109,6 @@ class KinematicScene:
             if name in self._held:
                 self._held[name].touched = set(bodies)
 
-    def _grip(self, name: str, held: HeldObject) -> Grip:
-        others = tuple(Hold(link, link, offset) for link, offset in held.others.items())
-        return Grip(held.link, held.link, held.offset, self._bodies.poses[name], others, self.riders(name))
-
     def arrange(self, state: WorldState) -> None:
         """Bring things to a state: make those that came to be, take out those that are not there, place the others.
 
@@ -117,7 +117,8 @@ class KinematicScene:
         for name, made in state.made.items():
             if self._made.get(name) != made:
                 self._made[name] = made
-                self._create(_body(name, made))
+                shape = BodyShape.CYLINDER if made.is_round else BodyShape.BOX
+                self._create(Body(name, made.at, made.size, shape, type=made.type, movable=True))
         there, carried = self.poses(), state.carried()
         for name in there:
             if not state.there(name):
@@ -406,8 +407,3 @@ class KinematicScene:
         if self._client >= 0:
             bullet.disconnect(physicsClientId=self._client)
             self._client = -1
-
-
-def _body(name: str, made: Made) -> Body:
-    shape = BodyShape.CYLINDER if made.is_round else BodyShape.BOX
-    return Body(name, made.at, made.size, shape, type=made.type, movable=True)

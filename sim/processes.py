@@ -16,7 +16,6 @@ from planlang.records import dataclass
 from planlang.state import Queries, WorldState, flow, warm
 from sim.bodies import BLADE, axes_of
 from sim.changes import Changes
-from sim.scene import Body
 
 NEAR_BLADE = 0.03
 """Distance of a thing's centre from a blade up to which the blade carries it [m]."""
@@ -109,7 +108,8 @@ class Processes:
         if blade.position[2] <= self.heights.get(tool, np.inf) + RISEN:
             return
         body, held = self._bodies.bodies[tool], self._changes.held
-        half = np.array([blade_extent / 2 for blade_extent in _blade_size(body)])
+        # half the extents of the blade along its own axes [m]; its thickness is zero
+        half = np.array([body.blade, body.size[axes_of(body.size)[1]], 0.0]) / 2
         for thing, other in self._bodies.bodies.items():
             excluded = thing in self.riding or thing in held or thing in self._bodies.removed
             if not other.thin or other.blade or excluded or thing in self._changes.falling.on_the_way:
@@ -148,8 +148,3 @@ def due(changes: Changes, names: Iterable[str], type: str | None = None) -> Iter
             result = changes.rules.result(one, changes.type_of(heat[0]))
             if result is not None and (type is None or changes.rules.is_a(result.output, type)):
                 yield max(0.0, result.seconds - max(changes.matter.heated.get(name, (0.0, 0.0))))
-
-
-def _blade_size(body: Body) -> tuple[float, float, float]:
-    """Extents of a blade along its own axes [m]; its thickness is zero."""
-    return body.blade, body.size[axes_of(body.size)[1]], 0.0

@@ -184,7 +184,11 @@ class Robot:
                 self._known(dict(changed))
             moved = [(self.joints[name], value) for name, value in changed]
             if self.followers:
-                moved += [follow for name, value in changed for follow in self._following(name, value)]
+                moved += [
+                    (index, one.multiplier * value + one.offset)
+                    for name, value in changed
+                    for index, one in self.followers.get(name, ())
+                ]
             # NaN until they are set: an interrupt in between leaves them unknown, so that the next call sets them again
             self.moves += 1
             self._boxed.stale.update(*(self._moved.get(name, ()) for name, _ in changed))
@@ -204,10 +208,6 @@ class Robot:
                 self.uid, pose.position, pose.orientation, physicsClientId=self.client
             )
             self.base = base
-
-    def _following(self, name: str, value: float) -> list[tuple[int, float]]:
-        """Positions of the joints that mimic a joint, by index."""
-        return [(index, one.multiplier * value + one.offset) for index, one in self.followers.get(name, ())]
 
     def link_pose(self, link: str) -> Pose:
         """Pose of a link frame in the map; ``KeyError`` for an unknown link."""

@@ -33,7 +33,10 @@ def decide(condition: Condition, belief: Belief, world: PlanningWorld) -> bool |
         case Condition("destroyed", (Object() as what,)):
             return any(thing.name in changes.matter.gone for thing in _named(belief, what))
         case Condition("created", (Object() as what,)):
-            return bool(came_to_be(changes, what.type)) if what.iri is None else _was_created(belief, what)
+            if what.iri is None:
+                return bool(came_to_be(changes, what.type))
+            made = belief.memory.made.values()
+            return any(thing.iri == what.iri and thing.name in belief.names() for thing in made)
         case Condition("transformed_into", (Object() as source, Object() as result)):
             names = {thing.name for thing in _named(belief, source)}
             into = _candidates(belief, world, result)
@@ -43,10 +46,6 @@ def decide(condition: Condition, belief: Belief, world: PlanningWorld) -> bool |
 
 def _amount(belief: Belief, world: PlanningWorld, what: Object, substance: Object) -> float:
     return amount_of(world.changes, belief.bind(what, world.configuration().base), substance.type)
-
-
-def _was_created(belief: Belief, what: Object) -> bool:
-    return any(thing.iri == what.iri and thing.name in belief.names() for thing in belief.memory.made.values())
 
 
 def _named(belief: Belief, what: Object) -> Iterator[MapObject]:

@@ -80,18 +80,9 @@ def updated_map(belief: Belief, files: Container[Path | None], opened: Iterable[
 
 def _is_there(thing: MapObject, belief: Belief) -> bool:
     """Check whether an object still exists; unseen ones are where the map has them."""
-    return (
-        thing.pose is None
-        or thing.name in belief.names()
-        or thing.name in belief.memory.unknown
-        or _rides(thing, belief)
-    )
-
-
-def _rides(thing: MapObject, belief: Belief) -> bool:
-    """Check whether an object is no body of its own but part of one, such as a handle."""
-    holder = belief.map.holder(thing)
-    return holder is not None and (holder.name in belief.names() or holder.name in belief.memory.unknown)
+    holder = belief.map.holder(thing)  # a part, such as a handle, is no body of its own
+    names = [one.name for one in (thing, holder) if one is not None]
+    return thing.pose is None or any(name in belief.names() or name in belief.memory.unknown for name in names)
 
 
 def _differs_from_map(thing: MapObject, belief: Belief) -> bool:

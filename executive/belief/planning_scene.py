@@ -134,18 +134,15 @@ def still_pieces(world: PlanningWorld, neck: Iterable[str]) -> Solids:
     for number, name in enumerate(robot.solid_names):
         for kind, size, pose in () if number in moved else robot.shapes(number):
             pieces.append((name, frames[number] @ pose.matrix()))
-            shapes.append(_surely_filled(kind, size))
+            if kind == SolidKind.MESH:  # the core of its bounding box is surely filled
+                x, y, z = size
+                kind, size = SolidKind.BOX, (CORE * x, CORE * y, CORE * z)
+            shapes.append((kind, size))
     return Solids.placed(
         tuple(name for name, _ in pieces),
         np.array([matrix for _, matrix in pieces]).reshape(-1, 4, 4),
         shapes,
     )
-
-
-def _surely_filled(kind: str, size: tuple[float, float, float]) -> tuple[str, tuple[float, float, float]]:
-    """Return the kind and size [m] of a primitive inside a shape: for a mesh, the core of its bounding box."""
-    x, y, z = size
-    return (SolidKind.BOX, (CORE * x, CORE * y, CORE * z)) if kind == SolidKind.MESH else (kind, size)
 
 
 class Visibility(ScenePart):

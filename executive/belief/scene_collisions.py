@@ -131,7 +131,10 @@ class SceneCollisions(ScenePart):
 
     def has_way(self, base: BasePose) -> bool:
         """Check whether the base can drive to a pose: on a path with at most one turn, else by a flood fill."""
-        return self._goes_straight(base) or bool(self._surely()(np.array([base]))[0])
+        if self._goes_straight(base):
+            return True
+        surely = self._flooded(self._reached, self.floor(), -SPARE)  # arms ignored, with SPARE clearance left
+        return bool(surely(np.array([base]))[0])
 
     def _goes_straight(self, base: BasePose) -> bool:
         """Check whether the base can turn everywhere on two line segments to a pose, for one of a few corners.
@@ -155,10 +158,6 @@ class SceneCollisions(ScenePart):
         Rules nothing out if the base is in collision, or if the map is larger than MOST_FLOOR.
         """
         return self._flooded(self._drivable, self.floor(), LACKING)
-
-    def _surely(self) -> Drivable:
-        """Compute where the base can surely drive from its current pose, arms ignored, with SPARE clearance left."""
-        return self._flooded(self._reached, self.floor(), -SPARE)
 
     def _flooded(self, cache: Kept[Drivable], floor: Floor, slack: float) -> Drivable:
         """Compute the base poses reachable from the current one, as :func:`_flood`, or look them up."""
@@ -481,12 +480,9 @@ class SceneCollisions(ScenePart):
         rest = tuple(item for item in joints.items() if item[0] not in arm.joints)
         chain, changed = self._chains[arm.name], {name: value for name, value in fingers if joints.get(name) != value}
         cached = self._arm_bodies.setdefault((arm.name, fingers if changed else ()), Kept())
-        return cached.of((rest, self._in_hands()), lambda: chain.now(self._world, changed))
-
-    def _in_hands(self) -> object:
-        """Cache key of held objects; None with empty hands."""
         # Not of what they touched since the grasp: that only shrinks, and a larger set leaves more to exact checks.
-        return self._state() if self._belief.held else None
+        held = self._state() if self._belief.held else None
+        return cached.of((rest, held), lambda: chain.now(self._world, changed))
 
     def _own_links(self, arm: ArmModel) -> frozenset[str]:
         """Collect the links that the joints of an arm move, the torso's left out."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from importlib import import_module
 from typing import Annotated, Any, NoReturn
 
@@ -120,12 +120,6 @@ def __getattr__(name: str) -> typer.Typer:
     return made
 
 
-def _app_for(words: Sequence[str]) -> typer.Typer:
-    """Make the command line that some words need: of the command that they name, else of all."""
-    named = [one for one in _COMMANDS if one[0] == (words[0] if words else "")]
-    return app_of(named or _COMMANDS)
-
-
 def planlang(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
@@ -149,7 +143,9 @@ _UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__na
 def main() -> NoReturn:
     """Run the command and end the process. With ``--json``, wrong usage is printed as a JSON object, too."""
     try:
-        code = _app_for(sys.argv[1:])(prog_name="planlang", standalone_mode=False)
+        # of the command that the words name, else of all
+        named = [one for one in _COMMANDS if [one[0]] == sys.argv[1:2]]
+        code = app_of(named or _COMMANDS)(prog_name="planlang", standalone_mode=False)
     except _UsageError as problem:
         if "--json" in sys.argv:
             name, message, advice = explain(problem)

@@ -122,7 +122,8 @@ def show(diagnostics: Iterable[Diagnostic], detail: Detail = Detail.CODES) -> No
         printed.add(diagnostic.help)
     counts = Counter(one.severity for one in diagnostics)
     if counts[Severity.ERROR] or counts[Severity.WARNING] or len(diagnostics) > len(shown):
-        listed = ", ".join(_counted(counts[severity], severity.value) for severity in Severity if counts[severity])
+        numbers = ((counts[one], one.value) for one in Severity if counts[one])
+        listed = ", ".join(f"{number} {word}" + ("s" if number != 1 else "") for number, word in numbers)
         typer.echo(listed + ("; --verbose lists all" if len(diagnostics) > len(shown) else ""), err=True)
 
 
@@ -165,10 +166,6 @@ def progress_of(arguments: Arguments) -> Report:
 def waiting(arguments: Arguments, what: Callable[[], str], most: float | None = None) -> AbstractContextManager[None]:
     """Show work whose end is unknown, unless the command is silent; see :meth:`Progress.during`."""
     return nullcontext() if arguments.is_silent else PROGRESS.during(what, most)
-
-
-def _counted(number: int, word: str) -> str:
-    return f"{number} {word}" + ("s" if number != 1 else "")
 
 
 def _internal_error(problem: Exception) -> Answer:

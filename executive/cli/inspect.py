@@ -75,7 +75,8 @@ def _inspect(bare: Robot, robot: Robot, world: PlanningWorld, arguments: Inspect
     for arm, reach in zip(robot.arms, can.reaches, strict=True):
         lines += _arm_lines(robot, arm, reach, can, bounds)
     lines += ["postures"]
-    lines += [f"  {name}: {_positions(joints)}" for name, joints in robot.postures.items()]
+    for name, joints in robot.postures.items():
+        lines.append(f"  {name}: " + ", ".join(f"{joint} {value:.3f}" for joint, value in joints.items()))
     lines += ["missing", *(f"  {what}" for what in lacking or ["nothing"])]
     lines += warning_lines(can)
     arms = [_arm_data(arm, reach, can) for arm, reach in zip(robot.arms, can.reaches, strict=True)]
@@ -135,10 +136,6 @@ def _arm_data(arm: Arm, reach: ArmReach, can: Capabilities) -> dict[str, Any]:
     own = {"share": round(reach.own_body.share, 3), "link": reach.own_body.link}
     data = {"name": arm.name, "tip": arm.tip, "joints": list(arm.joints), "reachable": reached, "heights": heights}
     return data | {"own_body": own, "opening": arm.gripper.max_opening if arm.gripper else None} | holds_data(can, arm)
-
-
-def _positions(joints: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {value:.3f}" for name, value in joints.items())
 
 
 def _lacking(robot: Robot, bare: Mapping[str, str]) -> Iterator[str]:

@@ -56,13 +56,8 @@ def _task(ontology: Ontology, name: str | None, diagnostics: list[Diagnostic]) -
     if name is None or has_errors(others):
         raise BadInput(reading.diagnostics)
     diagnostics += others
-    return _action(reading.actions, name, span)
-
-
-def _action(actions: Actions, name: str, span: Span) -> str:
-    """IRI of an action class, with or without a recipe. Raises BadInput for anything else."""
-    iri = named_action(actions, name, span)
-    return iri if actions.ontology.is_a(iri, expand("knowrob:Event")) else choose_task(actions, name)
+    iri = named_action(reading.actions, name, span)
+    return iri if reading.actions.ontology.is_a(iri, expand("knowrob:Event")) else choose_task(reading.actions, name)
 
 
 def possessions_in(

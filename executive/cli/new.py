@@ -43,14 +43,12 @@ def command(arguments: NewArguments) -> Answer:
     for path, text in texts.items():
         write_text(path, text)
     written = [path.as_posix() for path in texts]
-    step = _next(kind, arguments.folder, name)
+    words = [
+        quoted(Path(word.format(path=arguments.folder, name=name))) if "{path}" in word else word
+        for word in NEXT[kind].split(" ")
+    ]
+    step = " ".join(words)
     return Answer(text="\n".join([*written, f"next: {step}"]), data={"files": written, "next": step})
-
-
-def _next(kind: str, folder: Path, name: str) -> str:
-    """What to do with a new template, as a command line."""
-    words = NEXT[kind].split(" ")
-    return " ".join(quoted(Path(word.format(path=folder, name=name))) if "{path}" in word else word for word in words)
 
 
 def _check_name(kind: str, name: str) -> None:

@@ -36,15 +36,11 @@ def ask(arguments: ServerArguments, work: Callable[[Client], Answer]) -> Answer:
         except Refused as problem:
             raise BadInput(diagnostics_of(client.url, problem)) from None
         warned = [*kept_warning(client)]
-        if isinstance(arguments, AuthorArguments) and _can_be_read(client.url):
+        url = urlsplit(client.url)
+        can_be_read = url.scheme == "http" and url.hostname not in ("localhost", "127.0.0.1", "::1")  # by others
+        if isinstance(arguments, AuthorArguments) and can_be_read:
             warned.append(warning("K043", f"your key went to {client.url} unencrypted", help="use https"))
         return replace(reply, diagnostics=(*reply.diagnostics, *warned))
-
-
-def _can_be_read(url: str) -> bool:
-    """Check whether others can read what is sent to an address: without TLS, to another machine."""
-    parts = urlsplit(url)
-    return parts.scheme == "http" and parts.hostname not in ("localhost", "127.0.0.1", "::1")
 
 
 def _client(arguments: ServerArguments) -> Client:

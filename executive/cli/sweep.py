@@ -21,7 +21,8 @@ from planlang.progress import Report
 def command(arguments: SweepArguments) -> Answer:
     """Run the sweep, or the rest of it. Raises BadInput as the run of one world does."""
     rows: dict[Any, Row] = {}
-    total = len(_seeds(arguments, *(arguments.shard or (1, 1))))
+    part, parts = arguments.shard or (1, 1)
+    total = len(range(arguments.first + part - 1, arguments.first + arguments.worlds, parts))
     progress = Counts(total, printer_of(arguments), progress_of(arguments))
 
     def finished(done: Done) -> None:
@@ -43,10 +44,6 @@ def command(arguments: SweepArguments) -> Answer:
     if arguments.csv is not None:
         write_csv(arguments.csv, all_rows)
     return counted(all_rows, total, exit_code(all_rows, total))
-
-
-def _seeds(arguments: SweepArguments, part: int, parts: int) -> range:
-    return range(arguments.first + part - 1, arguments.first + arguments.worlds, parts)
 
 
 def _how_to_go_on(arguments: SweepArguments, done: int, total: int) -> str:

@@ -20,7 +20,8 @@ def explain(problem: Any) -> tuple[str, str, str]:
         return path.removeprefix("planlang").strip(), "Missing command.", f"{path} -h lists the commands"
     text = _ADVICE.sub("", message)
     if advice is not None:
-        help = _lowered(advice[1] or advice[2])
+        help = advice[1] or advice[2]
+        help = help[0].lower() + help[1:]
     else:
         help = guessed_value(message) or f"{path} -h shows how it is used"
     return path.removeprefix("planlang").strip(), text, help
@@ -30,7 +31,3 @@ def guessed_value(message: str) -> str:
     """Guess which value of an option was meant; "" if none is similar."""
     match = _CHOICE.search(message)
     return guess(match[1], re.findall(r"'([^']*)'", match[2])).strip() if match is not None else ""
-
-
-def _lowered(text: str) -> str:
-    return text[0].lower() + text[1:]

@@ -44,7 +44,9 @@ def _watch(client: Client, arguments: WatchArguments) -> Answer:
         for news in _followed(client, after, arguments):
             kept.append(news)
             if not arguments.json:
-                _print(news)
+                what = f"{news.change.value:8}  {news.uid} by {news.author}"
+                typer.echo(visible(f"{news.number:6}  {news.made}  {what}"))
+                sys.stdout.flush()
     except KeyboardInterrupt:
         pass
     return Answer(data={"news": [asdict(one) for one in kept]})
@@ -96,8 +98,3 @@ def _followed(client: Client, after: int, arguments: WatchArguments) -> Iterator
             return
         else:
             time.sleep(arguments.every)
-
-
-def _print(news: News) -> None:
-    typer.echo(visible(f"{news.number:6}  {news.made}  {news.change.value:8}  {news.uid} by {news.author}"))
-    sys.stdout.flush()

@@ -37,7 +37,9 @@ def check(options: CheckOptions, *, report: Report = unreported, waiting: Waitin
 
     ``report`` gets the progress through a folder; ``waiting`` is entered while a reasoner runs.
     """
-    folder = _folder(options.file)
+    source = options.file
+    is_folder = isinstance(source, str | os.PathLike) and os.path.isdir(source)  # False for what cannot be a path
+    folder = Path(str(source)) if is_folder and Bundled.of(str(source)) is None else None
     if not options.fix and (options.accept or options.output):
         raise WrongOption(Option("accept"), " and ", Option("output"), " need ", Option("fix", True))
     if options.reason and (options.fix or folder is not None):
@@ -50,12 +52,6 @@ def check(options: CheckOptions, *, report: Report = unreported, waiting: Waitin
         return check_folder(folder, options.folders, report)
     found = _check_file(read(find_checked(options.file)), options, waiting)
     return changed(found, diagnostics=(*folders_beside(options.file), *found.diagnostics))
-
-
-def _folder(source: Source) -> Path | None:
-    """The folder of recipes that a source names; None for anything else."""
-    is_path = isinstance(source, str | os.PathLike) and os.path.isdir(source)  # False for what cannot be a path
-    return Path(str(source)) if is_path and Bundled.of(str(source)) is None else None
 
 
 def find_checked(source: Source) -> Source:
@@ -90,7 +86,8 @@ def _recipe_or_map(recipe: RecipeFile, options: CheckOptions) -> CheckResult:
             recipe.path, task=options.task, folders=options.folders, performed=performed, content=recipe.content
         )
     except BadInput as problem:
-        if options.task is not None or not _lacks_task(problem):
+        lacks_task = any(one.code in ("R001", "R003") and one.severity is Severity.ERROR for one in problem.diagnostics)
+        if options.task is not None or not lacks_task:
             raise
         from executive.commands.map_check import check_map  # most files are recipes
 
@@ -104,10 +101,6 @@ def _recipe_or_map(recipe: RecipeFile, options: CheckOptions) -> CheckResult:
     text = f"{recipe.path}: {plan.task} compiles"
     diagnostics = (*plan.diagnostics, *problems)
     return CheckResult(not has_errors(problems), "recipe", text, diagnostics, {"task": plan.task})
-
-
-def _lacks_task(problem: BadInput) -> bool:
-    return any(one.code in ("R001", "R003") and one.severity is Severity.ERROR for one in problem.diagnostics)
 
 
 # Fixes of recipes

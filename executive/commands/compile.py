@@ -10,7 +10,7 @@ from executive.options.recipes import CompileOptions
 from executive.runs.files import folders_beside, read_recipe_file, refuse
 from planlang.compiler import CompiledPlan, compile_recipe
 from planlang.compiler.drawing import unknown_format
-from planlang.diagnostics import Diagnostic, Span, WrongOption, error
+from planlang.diagnostics import Span, WrongOption, error
 from planlang.outputs import LONGEST, NO_DATA_FLOW, NO_SCOPES, Named, PlanHeader, check_outputs, header
 from planlang.plan_versions import merge_plan, write_versions
 from planlang.words import Blank, Option
@@ -44,17 +44,15 @@ def compiled(options: CompileOptions) -> CompiledPlan:
         content=file.content,
     )
     if output is not None and options.merge and output.is_file():
-        diagnostics += [_conflict(output, line) for line in merge_plan(output, plan.source, file.path.name)]
+        message = "conflict: both you and the recipe changed these lines"
+        advice = "keep the right lines, and remove the markers <<<<<<<, ======= and >>>>>>>"
+        lines = merge_plan(output, plan.source, file.path.name)
+        diagnostics += [error(CONFLICT, message, Span(str(output), line), advice) for line in lines]
     elif output is not None:
         write_versions(output, plan.source, force=force)
     if graph is not None:
         plan.graph.save(graph, force=True)
     return replace(plan, diagnostics=(*plan.diagnostics, *diagnostics))
-
-
-def _conflict(plan: Path, line: int) -> Diagnostic:
-    advice = "keep the right lines, and remove the markers <<<<<<<, ======= and >>>>>>>"
-    return error(CONFLICT, "conflict: both you and the recipe changed these lines", Span(str(plan), line), advice)
 
 
 def _merged_header(options: CompileOptions) -> PlanHeader | None:

@@ -40,7 +40,8 @@ def swept(
     """
     run_options = RunOptions(**values_of(options, SituationSettings), recipe=options.recipe)
     files = prepared(run_options)  # reports what is wrong for all worlds before the first
-    _check(options, files)
+    outputs, formats = outputs_of(options, SweepOptions)
+    refuse(check_outputs(outputs, dict(_inputs(files)), formats=formats, force=options.force))
     announce(files.notes)
     given = as_json(run_options, SituationSettings)
     plan = files.file.text if isinstance(files.file, PlanSource) and files.file.is_in_memory else options.recipe
@@ -60,24 +61,18 @@ def swept(
         worlds,
         JOB,
         processes=options.processes,
-        limits=replace(LIMITS, **_limits(options)),
+        limits=replace(
+            LIMITS,
+            seconds=options.seconds,
+            memory=options.memory * 1_000_000,
+            wall=_WALL_PER_CPU * options.seconds,
+        ),
         out=options.output,
         about=_about(options, COMMAND_LINE.call(calling("run", named, **told)), files),
         shard=options.shard or (1, 1),
         told=finished,
         resumed=resumed,
     )
-
-
-def _limits(options: SweepOptions) -> dict[str, Any]:
-    seconds = options.seconds
-    return {"seconds": seconds, "memory": options.memory * 1_000_000, "wall": _WALL_PER_CPU * seconds}
-
-
-def _check(options: SweepOptions, files: RunFiles) -> None:
-    """Raise BadInput if a file cannot be written, or would overwrite an input."""
-    outputs, formats = outputs_of(options, SweepOptions)
-    refuse(check_outputs(outputs, dict(_inputs(files)), formats=formats, force=options.force))
 
 
 def _inputs(files: RunFiles) -> Iterator[tuple[str, Path]]:

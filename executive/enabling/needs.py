@@ -237,7 +237,8 @@ class Enabling:
         self.details[need] = NeedDetails(
             finding.kind, finding.text
         )  # ends the recursion if its dependencies need it in turn
-        is_disproved = any(above in self.robot.lacks for above in self._names_above(finding.iri))
+        above = () if finding.iri is None else (finding.iri, *self.vocabulary.ancestors(finding.iri))
+        is_disproved = any(local_name(one) in self.robot.lacks for one in above)
         own = () if is_disproved else _own(need, self._ways(finding))
         iri, why = finding.iri, finding.reason
         if finding.state is Availability.AVAILABLE:
@@ -256,10 +257,6 @@ class Enabling:
         is_any = finding.iri is None and " or " in finding.text
         each = [(one,) for one in below] if is_any else [below] if below else []
         return [(finding.text, needs) for needs in each]
-
-    def _names_above(self, iri: str | None) -> Iterator[str]:
-        if iri is not None:
-            yield from map(local_name, (iri, *self.vocabulary.ancestors(iri)))
 
     def _of_step(self, finding: Finding) -> Need:
         """Add the need of a recipe for a step that nothing performs; its task has to be exactly the step's class."""

@@ -162,8 +162,9 @@ class _Graph:
 
     def prefer(self, roots: Iterable[Need]) -> None:
         """Choose an offer for each need: one derived before it, then an earlier one where that makes no cycle."""
-        for need in self.met:
-            derived = (one for one in self.offers[need] if all(self._order(n) < self.met[need] for n in one.needs))
+        last = len(self.met)
+        for need, at in self.met.items():
+            derived = (one for one in self.offers[need] if all(self.met.get(n, last) < at for n in one.needs))
             if need not in self.had:
                 self.chosen[need] = next(derived)
 
@@ -186,9 +187,6 @@ class _Graph:
                     self.chosen[need] = offer
                     uses.update({mine.uid: -1, offer.uid: 1})
                     break
-
-    def _order(self, need: Need) -> int:
-        return self.met.get(need, len(self.met))
 
     def _improve(self, need: Need) -> None:
         for offer in self.offers[need]:

@@ -58,7 +58,8 @@ class TerminalTree:
     def tree(self) -> Tree:
         """Build the view; rows at the top are left out if it is higher than the terminal."""
         room = max(3, self._console.size.height - 2)
-        shown = Tree(Text(f"plan time {self._time():.2f} s", "bold"), guide_style="dim")
+        ends = (time for node in self._run.numbered.values() for time in (node.start, node.end) if time is not None)
+        shown = Tree(Text(f"plan time {max(ends, default=0.0):.2f} s", "bold"), guide_style="dim")
         rows = list(self._rows(self._run.roots, 0))
         left_out = max(0, len(rows) - room)
         places: dict[int, Tree] = {-1: shown}
@@ -73,10 +74,6 @@ class TerminalTree:
     def lines(self) -> Iterator[str]:
         """Yield the whole view as plain text."""
         yield from (f"{'  ' * depth}{_line(node).plain}" for depth, node in self._rows(self._run.roots, 0))
-
-    def _time(self) -> float:
-        ends = (time for node in self._run.numbered.values() for time in (node.start, node.end) if time is not None)
-        return max(ends, default=0.0)
 
     def _rows(self, nodes: Iterable[TaskNode], depth: int) -> Iterable[tuple[int, TaskNode]]:
         """Yield visible nodes with their depths."""

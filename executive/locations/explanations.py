@@ -12,10 +12,10 @@ import numpy as np
 from executive.belief.floor import Floor
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.base_candidates import InverseMaps
 from executive.locations.changes import MOST_TRIED, Changes, IsFeasible, with_supports
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Stage, candidates_of, narrowest, narrowest_grip
+from executive.locations.inverse_maps import InverseMaps
 from executive.locations.questions import Question
 from executive.locations.reachability import CELL, GraspClass
 from executive.locations.rejections import (

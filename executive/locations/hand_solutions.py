@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.base_candidates import InverseMaps, blocks
+from executive.locations.base_candidates import blocks
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates, Hand, HandPoses, upright
 from executive.locations.grasps_from_above import is_low
+from executive.locations.inverse_maps import InverseMaps
 from executive.locations.looking_once import once
 from executive.locations.rejections import COLLISION, NO_HOLD, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.motion import QuickCheck, cartesian_path

@@ -196,7 +196,9 @@ class _Hand:
             if (pinch := self._planned(kind, width)) is not None:
                 planned[kind][width] = pinch
         palms = [one.palm for found in planned.values() for one in found.values() if one.palm is not None]
-        holding = Holding(self.arm.name, _holds(planned), palm=_usual(palms), touching=self._touching())
+        contacts = self._contacts(self.scene, self.q, self.model.openings.widest)
+        touching = next((pair for pair in contacts if set(pair) <= self.model.hand_links), None)  # with the hand open
+        holding = Holding(self.arm.name, _holds(planned), palm=_usual(palms), touching=touching)
         return self._with_closed(holding if holding.widest else replace(holding, bare=self.model.bare))
 
     def _with_closed(self, holding: Holding) -> Holding:
@@ -242,11 +244,6 @@ class _Hand:
     ) -> tuple[tuple[str, str], ...]:
         contacts = scene.collisions.contacts(_BASE, self.model, q, fingers=tuple(fingers))
         return tuple((one.part, one.body) for one in contacts)
-
-    def _touching(self) -> tuple[str, str] | None:
-        """Find two links of the open hand that touch each other."""
-        contacts = self._contacts(self.scene, self.q, self.model.openings.widest)
-        return next((pair for pair in contacts if set(pair) <= self.model.hand_links), None)
 
     # As plans do
 

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_part import Kept
-from executive.locations.base_candidates import InverseMaps, blocks
+from executive.locations.base_candidates import blocks
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Spots, Stage, candidates_of, delivering, spots_of
+from executive.locations.inverse_maps import InverseMaps
 from executive.locations.rejections import Rejections
 from executive.robots.arms import ArmModel, Held
 from planlang.geometry import Pose
@@ -88,7 +89,10 @@ class LaterUses:
         levels = list(
             zip(table.grasps.tolist(), table.rolls.tolist(), table.points[:, 2].round(ALIKE).tolist(), strict=True)
         )
-        reached = {level: self._reaches(arm, *level) for level in dict.fromkeys(levels)}
+        reached = {
+            (grasp, roll, height): len(self._maps(arm, CLASSES[grasp]).rows(height, roll, 0.0, 1).row) > 0  # anywhere
+            for grasp, roll, height in dict.fromkeys(levels)
+        }
         table = table.chosen(np.array([reached[level] for level in levels], bool))
         if not len(table):
             return False
@@ -112,7 +116,3 @@ class LaterUses:
         if (use, name) not in known:
             known[use, name] = spots_of(use, name, self._scene, Rejections(), Stage.ALL)
         return known[use, name]
-
-    def _reaches(self, arm: ArmModel, grasp: int, roll: int, height: float) -> bool:
-        """Check whether an arm reaches a height [m] anywhere with this grasp class and roll."""
-        return len(self._maps(arm, CLASSES[grasp]).rows(height, roll, 0.0, 1).row) > 0

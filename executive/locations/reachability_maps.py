@@ -369,7 +369,8 @@ def reachability_map(arm: ArmModel, grasp: GraspClass, robot: str = "", report: 
     """
     key = map_key(arm, grasp)
     content, why = _bundled_map(arm, grasp, robot, key)
-    kept = _cache_key(key, arm)
+    # in the cache, the same robot has to find the same map whatever was run before
+    kept = hashlib.sha256(repr((key, (arm.seeds.round(9) + 0.0).tolist())).encode()).hexdigest()
     if content is None:
         content = _CACHE.load(kept)
     if content is None:
@@ -423,11 +424,6 @@ def map_key(arm: ArmModel, grasp: GraspClass) -> str:
         (arm.frame.approach, arm.frame.closing),
     )
     return hashlib.sha256(repr(facts).encode()).hexdigest()
-
-
-def _cache_key(key: str, arm: ArmModel) -> str:
-    """Return the key in the cache, where the same robot has to find the same map whatever was run before."""
-    return hashlib.sha256(repr((key, (arm.seeds.round(9) + 0.0).tolist())).encode()).hexdigest()
 
 
 def packed(built: ReachabilityMap) -> bytes:

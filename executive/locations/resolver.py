@@ -18,7 +18,6 @@ from typing import Generic, TypeVar
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.belief.scene_part import Kept
-from executive.locations.base_candidates import InverseMaps
 from executive.locations.consistency import meaningless
 from executive.locations.demands import (
     BaseDemand,
@@ -32,6 +31,7 @@ from executive.locations.demands import (
 from executive.locations.explanations import explain_bases, explain_hands
 from executive.locations.hand_predicates import Stage, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base
+from executive.locations.inverse_maps import InverseMaps
 from executive.locations.looks import Looks
 from executive.locations.placement import Placement
 from executive.locations.questions import (

@@ -10,11 +10,11 @@ import numpy as np
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.base_candidates import InverseMaps
 from executive.locations.base_poses import BasePoses
 from executive.locations.demands import ORDER, BaseDemand, sides
 from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.hand_solutions import HandSolution, Trial, from_base
+from executive.locations.inverse_maps import InverseMaps
 from executive.locations.later_uses import LaterUses
 from executive.locations.questions import Question
 from executive.locations.rejections import COLLISION, NO_HOLD, NOT_VISIBLE, OUT_OF_REACH, Reason, Rejections
@@ -102,11 +102,6 @@ class BaseValidator:
             return arms
         return [arm for arm in arms if self.scene.arms.held(arm.name) is not None] or full
 
-    def _leaves_a_hand(self, reach: Reach) -> bool:
-        """Check whether a hand stays free when a thing is grasped, with which to open doors."""
-        free = sum(self.scene.arms.held(arm.name) is None for arm in self.scene.arms.all)
-        return free > self.scene.bodies.hands(reach.body)
-
     def _closed_later(self, reach: Reach) -> tuple[str, str | None]:
         """Find where a thing will be put, and the closed door in front of it, if any."""
         inside = [use.body for use in reach.then if use.kind is ReachKind.PLACE and use.inside]
@@ -119,8 +114,10 @@ class BaseValidator:
         what = reach.body
         if reach.kind is ReachKind.PLACE and reach.inside:
             door = self.scene.bodies.door_of(reach.body)
-        if door is None and reach.kind is ReachKind.GRASP and not self._leaves_a_hand(reach):
-            what, door = self._closed_later(reach)
+        if door is None and reach.kind is ReachKind.GRASP:
+            empty = sum(self.scene.arms.held(arm.name) is None for arm in self.scene.arms.all)
+            if empty <= self.scene.bodies.hands(reach.body):  # no hand stays free to open doors
+                what, door = self._closed_later(reach)
         if door is not None:
             raise self._behind(door, what, location)
         if reach.kind is ReachKind.GRASP and (needed := self.scene.bodies.hands(reach.body)) > 1:

@@ -105,12 +105,6 @@ def _portion(thing: MapObject, numbers: _Numbers) -> Portion:
     return Portion(shorten(thing.types[0]), USUAL_AMOUNT if amount is None else amount, (thing.name,))
 
 
-def _mass(body: Body, types: tuple[str, ...], numbers: _Numbers) -> float:
-    """Mass of a body without what the map states to be in it [kg]: of the object, else of its class; 0 if unknown."""
-    stated = next((mass for name in MASS if (mass := numbers.of_thing(body.iri, name)) is not None), None)
-    return (numbers.of_classes(types, "massOfObject") or 0.0) if stated is None else stated
-
-
 def _with_content(body: Body, portions: Sequence[Portion], types: tuple[str, ...], numbers: _Numbers) -> Body:
     ontology = numbers.ontology
     capacity = numbers.of_thing(body.iri, "capacity")
@@ -122,7 +116,10 @@ def _with_content(body: Body, portions: Sequence[Portion], types: tuple[str, ...
     if body.movable and (hands := numbers.of_classes(types, "handsNeeded")) is not None:
         body = replace(body, hands=max(1, round(hands)))
     if body.movable:
-        body = replace(body, mass=_mass(body, types, numbers))
+        # without what the map states to be in it [kg]: of the object, else of its class; 0 if unknown
+        masses = (numbers.of_thing(body.iri, name) for name in MASS)
+        mass = next((mass for mass in masses if mass is not None), None)
+        body = replace(body, mass=(numbers.of_classes(types, "massOfObject") or 0.0) if mass is None else mass)
     states = [shorten(one) for one in ontology.iris(body.iri, "stateOfObject")]
     if not (capacity or blade or states or portions):
         return body

@@ -61,7 +61,9 @@ class MapSource:
     def moved(self, transform: Pose) -> MapSource:
         """Move objects, files and joint directions into another frame; ``transform`` is the pose of this map in it."""
         poses = PosesOfThings(self.map.ontology, [])
-        files = {iri: Placement(iri, poses.pose(iri) or _IDENTITY) for iri in _maps_with_files(self.map.ontology)}
+        maps = self.map.ontology.individuals(expand("Map"))
+        with_files = [iri for iri in maps if any(self.map.ontology.said(iri, "linkToMapFile"))]
+        files = {iri: Placement(iri, poses.pose(iri) or _IDENTITY) for iri in with_files}
         placed = {iri: replace(one, pose=transform @ one.pose) for iri, one in {**files, **self.placed}.items()}
         things = (replace(one, pose=transform @ one.pose) if one.pose else one for one in self.map.objects)
         turned = {
@@ -236,10 +238,6 @@ def completed(source: MapSource, known: Mapping[str, Placement]) -> MapSource:
 
 
 # Statements in another frame
-
-
-def _maps_with_files(ontology: Ontology) -> list[str]:
-    return [iri for iri in ontology.individuals(expand("Map")) if any(ontology.said(iri, "linkToMapFile"))]
 
 
 def _rotated_vector(triple: Triple, transform: Pose, ontology: Ontology) -> Triple:

@@ -60,7 +60,8 @@ def hollowed(
     for body in bodies:
         if body.movable or body.shape is not BodyShape.BOX:
             continue
-        things, cavity = _content(body, movable, places), stated(body)
+        content = np.flatnonzero(inside(body.pose, body.size, places))
+        things, cavity = [movable[index] for index in content.tolist()], stated(body)
         its_doors, is_drawer = doors.get(body.name, ()), body.name in slides
         parts = [] if cavity else [part for part in compartments(body) if part.name not in slides]
         if is_drawer and not cavity:
@@ -148,12 +149,6 @@ def face_of(leaf: Body, furniture: Body) -> tuple[int, float]:
     axis = int(np.argmax(np.abs(furniture.pose.rotation.T @ normal)))
     local = (furniture.pose.inverse() @ leaf.pose).position
     return axis, 1.0 if local[axis] >= 0 else -1.0
-
-
-def _content(body: Body, movable: Sequence[Body], places: Array) -> list[Body]:
-    """List the movable bodies whose centre, of ``places`` (n, 3), is inside a piece of furniture."""
-    is_inside = inside(body.pose, body.size, places)
-    return [movable[index] for index in np.flatnonzero(is_inside).tolist()]
 
 
 def _compartment(part: Body, furniture: Body, axis: int, sign: float) -> Cavity:

@@ -155,9 +155,11 @@ def _newest(sources: Sequence[MapSource], notes: list[Diagnostic]) -> dict[str, 
                 continue
             newest[iri] = (placement, source) if placement.time >= before[0].time else before
             why = "is named" if placement.time == before[0].time else "has seen it"
-            if _differ(placement, before[0]):
+            pose, other = placement.pose, before[0].pose
+            if pose.distance(other) > SAME_PLACE or pose.turn(other) > SAME_HEADING:
                 places = " and ".join(
-                    f"{_coordinates(one)} in {where.name}" for one, where in (before, (placement, source))
+                    "({:.3f}, {:.3f}, {:.3f})".format(*one.pose.position) + f" in {where.name}"
+                    for one, where in (before, (placement, source))
                 )
                 message = f"{local_name(iri)} is at {places}: that of {newest[iri][1].name} counts, which {why} later"
                 thing = source.map.find(iri)
@@ -177,15 +179,6 @@ def _with_newest_parents(iri: str, newest: Mapping[str, tuple[Placement, MapSour
         own, where = newest[child]
         pose = pose @ where.placed[above].pose.inverse() @ own.pose if above in where.placed else own.pose
     return replace(placement, pose=pose)
-
-
-def _differ(a: Placement, b: Placement) -> bool:
-    return a.pose.distance(b.pose) > SAME_PLACE or a.pose.turn(b.pose) > SAME_HEADING
-
-
-def _coordinates(placement: Placement) -> str:
-    x, y, z = placement.pose.position
-    return f"({x:.3f}, {y:.3f}, {z:.3f})"
 
 
 # Other facts

@@ -135,18 +135,16 @@ class OccupiedSpace:
             inside = [
                 _in_outline(in_map, room, -near) & (in_map[:, 2] <= top) for room, top in zip(rooms, tops, strict=True)
             ]
-            openings = [_in_outline(in_map, one, 0.0) for room in rooms for one in _openings(room)]
+            # the openings in the walls of rooms: obstacles there block a doorway
+            doorways = [
+                Body(room.name, room.pose @ Pose(one.centre), one.size) for room in rooms for one in room.cavities
+            ]
+            openings = [_in_outline(in_map, one, 0.0) for one in doorways]
             mask = np.any([*inside, *openings], axis=0)
         for body in bodies:
             if body.shape not in (BodyShape.ROOM, BodyShape.MARKER):
                 mask &= ~(_in_outline if self.height is not None else _in_box)(in_map, body, near)
         return mask
-
-
-def _openings(room: Body) -> Iterator[Body]:
-    """Yield the openings in the walls of a room, as bodies: obstacles there block a doorway."""
-    for one in room.cavities:
-        yield Body(room.name, room.pose @ Pose(one.centre), one.size)
 
 
 def _in_box(points: Array, body: Body, more: float) -> NDArray[np.bool_]:

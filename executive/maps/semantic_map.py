@@ -129,12 +129,15 @@ def read_map(ontology: Ontology, *, ignore_unread: bool = False) -> SemanticMap:
     objects = []
     parts = _parts_by_whole(ontology)
     for iri in things:
-        types, vessels = ontology.types(iri), _vessels(ontology, iri)
+        names.add(name := unused_name(local_name(iri), names))
+        types = ontology.types(iri)
+        has_cap = ontology.any_is_a(ontology.iris(iri, "properPhysicalParts"), ("BottleCap",))
+        vessels = (expand("Bottle"),) if has_cap else ()  # whatever its content
         size = read_size(ontology, iri, (*vessels, *types), notes)
         objects.append(
             MapObject(
                 iri,
-                _unique(local_name(iri), names),
+                name,
                 (*types, *vessels),
                 poses.pose(iri),
                 size,
@@ -276,12 +279,6 @@ def _parts_by_whole(ontology: Ontology) -> dict[str, list[str]]:
     return parts
 
 
-def _vessels(ontology: Ontology, iri: str) -> tuple[str, ...]:
-    """Infer classes of an object from its parts: with a cap it is a bottle, whatever its content."""
-    parts = ontology.iris(iri, "properPhysicalParts")
-    return (expand("Bottle"),) if ontology.any_is_a(parts, ("BottleCap",)) else ()
-
-
 def _is_feature(ontology: Ontology, iri: str) -> bool:
     """Check whether an individual is a feature of an object model: by class, or placed in its whole without a size."""
     if any(local_name(cls) in FEATURES for cls in ontology.types(iri)):
@@ -308,14 +305,10 @@ def _perceptions(ontology: Ontology) -> Iterator[str]:
             yield triple.subject
 
 
-def _texts(ontology: Ontology, iri: str, prop: str) -> tuple[str, ...]:
-    values = ontology.values(iri, expand(prop))
-    return tuple(dict.fromkeys(value.value.strip() for value in values if isinstance(value, Literal)))
-
-
 def _open_sides(ontology: Ontology, iri: str, types: tuple[str, ...]) -> tuple[str, ...]:
     """Sides that a thing states, else those that its nearest class does."""
-    stated = _texts(ontology, iri, "openSide")
+    values = ontology.values(iri, expand("openSide"))
+    stated = tuple(dict.fromkeys(value.value.strip() for value in values if isinstance(value, Literal)))
     classes = (one for cls in types for one in ontology.inherited_restrictions(cls, expand("openSide")))
     return stated or tuple(one.filler.value for one in classes if isinstance(one.filler, Literal))
 
@@ -324,11 +317,6 @@ def _wall(ontology: Ontology, iri: str, notes: list[Diagnostic]) -> float | None
     triple = stated(ontology, iri, "wallThickness")
     thickness = None if triple is None else length(triple, notes)
     return thickness if thickness is None or thickness > 0 else None
-
-
-def _unique(name: str, names: set[str]) -> str:
-    names.add(unique := unused_name(name, names))
-    return unique
 
 
 class Perception(NamedTuple):

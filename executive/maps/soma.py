@@ -225,7 +225,8 @@ class _Restatement:
             return None
         for prop, side in zip(EXTENTS, (high - low).tolist(), strict=True):
             self._say(thing, prop, Literal(repr(side), XSD.double), path)
-        centre, own = Pose(_triplet((low + high) / 2)), self._origin(region)
+        x, y, z = ((low + high) / 2).tolist()
+        centre, own = Pose((x, y, z)), self._origin(region)
         frame = centre if own is None else self._pose(own) @ centre
         return _Frame(path, _row(frame.position), _row(frame.orientation))
 
@@ -378,11 +379,6 @@ def _text(stated: Triple) -> str:
 
 
 _BRACKETS = str.maketrans("[](),", "     ")
-
-
-def _triplet(values: Array) -> tuple[float, float, float]:
-    x, y, z = values.tolist()
-    return (x, y, z)
 
 
 def _row(numbers: Iterable[float]) -> Literal:

@@ -127,9 +127,11 @@ class Control:
         group = Group.of(group)
         self.world.start(group, trajectory, pushes=pushes)
         try:
-            at_rest = partial(self._is_at_rest, group)
             while not await self.wait_holding(
-                self.watched(group), at_rest, f"{group} at rest", None if closes is None else GLANCE
+                self.watched(group),
+                lambda: self.world.motion(group).state is not MotionState.MOVING,
+                f"{group} at rest",
+                None if closes is None else GLANCE,
             ):
                 if closes is not None and closes(trajectory):
                     break
@@ -140,9 +142,6 @@ class Control:
         finally:
             self.world.halt(group)
             self.observe()
-
-    def _is_at_rest(self, group: str) -> bool:
-        return self.world.motion(group).state is not MotionState.MOVING
 
     # What the hands hold
 

@@ -74,7 +74,9 @@ class Navigation(PlatformModule):
 
     async def _go(self, goal: BasePose) -> None:
         """Drive to a pose; where other robots drive, wait for those that are in the way."""
-        if _close(goal, self.platform.base()):
+        base = self.platform.base()
+        turn = math.remainder(goal[2] - base[2], 2 * math.pi)
+        if math.dist(goal[:2], base[:2]) < 1e-3 and abs(turn) < 1e-3:
             return
         lookout = Lookout(self.platform)
         if not lookout.others:
@@ -153,8 +155,3 @@ class Navigation(PlatformModule):
 
 def _blocking(problem: GoalInCollision | StartInCollision) -> str | None:
     return next((body for _, body in problem.pairs), None)
-
-
-def _close(one: BasePose, other: BasePose) -> bool:
-    turn = math.remainder(one[2] - other[2], 2 * math.pi)
-    return math.dist(one[:2], other[:2]) < 1e-3 and abs(turn) < 1e-3

@@ -193,8 +193,9 @@ class Ends:
         Raises :class:`ConstraintsContradict` if there are none.
         """
         distinct: list[Array] = []
+        needed = [(phase, [one for one in asked if one not in self.wished]) for phase, asked in self.phases.items()]
         for beginning in self._beginnings(len(self.phases)):
-            optimum = self._optimum(beginning, self._needed())
+            optimum = self._optimum(beginning, needed)
             if optimum.holds and all(np.abs(optimum.q - q).max(initial=0.0) > OTHER for q in distinct):
                 distinct.append(optimum.q)
                 better = (self._optimum(q, list(self.phases.items())) for q in (optimum.q, beginning) if self.wished)
@@ -254,10 +255,6 @@ class Ends:
                 optimum = self._optimum(beginning, every, blocked=False)
                 if optimum.holds:
                     yield np.asarray(optimum.q[-1])
-
-    def _needed(self) -> list[tuple[int, Collection[int]]]:
-        """List the phases without soft constraints."""
-        return [(phase, [one for one in asked if one not in self.wished]) for phase, asked in self.phases.items()]
 
     def _by_phase(self, q: Array) -> dict[int, Array]:
         return dict(zip(self.phases, q, strict=True))

@@ -133,18 +133,14 @@ class Optimiser:
                 radius = min(max(radius, 2 * length), LARGEST_RADIUS)
             elif gained < 0.25 * promised:
                 radius = 0.35 * length
-            if radius < LEAST_RADIUS or (gained > 0 and gained < self._least_gain(here) * before):
+            least_gain = FLAT if here.excess.max(initial=0.0) <= ENOUGH else STALLED
+            if radius < LEAST_RADIUS or (gained > 0 and gained < least_gain * before):
                 break
         values = self.functions.values(here.q[self.rows.configurations], self.rows.constraints)[0]
         which = self.rows.constraints
         beyond = np.maximum(self.functions.lower[which] - values, values - self.functions.upper[which])
         blocked = float(-here.room.min(initial=0.0))
         return Optimum(here.q, np.maximum(beyond, 0.0) / self.tolerance, blocked, self.penalties >= 1.0)
-
-    @staticmethod
-    def _least_gain(here: _Here) -> float:
-        """Share of the cost below which a further step is not worthwhile."""
-        return FLAT if here.excess.max(initial=0.0) <= ENOUGH else STALLED
 
     def _at(self, q: Array) -> _Here:
         """Evaluate functions, gradients and the cost at configurations."""

@@ -334,7 +334,12 @@ def _body(world: Truth | PlanningWorld, body: Body, wall: Callable[[Shape], Shap
             still = still_pieces([part for part in parts if not part.limb])
             shapes = [_surface(piece, pose=pose) for pose, pieces in still for piece in pieces]
         case BodyShape.ROOM:
-            shapes = [wall(_wall(part)) if part.outward is not None else _part(part, _FLOOR) for part in parts]
+            shapes = [
+                _part(part, _FLOOR)
+                if part.outward is None
+                else wall(Shape(SolidKind.BOX, part.size, part.offset, _WALL, outward=part.outward))
+                for part in parts
+            ]
         case _:
             shapes = list(_thing(body, parts))
     yield Drawn(path, tuple(shapes), partial(world.pose, body.name))
@@ -391,10 +396,6 @@ def _part(part: Part, colour: Rgba) -> Shape:
 @lru_cache(maxsize=256)
 def _bevelled(size: Size) -> Solid:
     return shaded([box(size, min(BEVEL * min(size), 0.01))])
-
-
-def _wall(part: Part) -> Shape:
-    return Shape(SolidKind.BOX, part.size, part.offset, _WALL, outward=part.outward)
 
 
 def lowered(wall: Shape) -> Shape:

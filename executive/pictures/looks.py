@@ -136,7 +136,9 @@ def _solid(row: Mapping[str, Any], size: Array) -> Solid:
         return ball().moved(extents / 2, low + extents / 2)
     axis = AXES.index(row.get("axis", "z"))
     if "lathe" in row:
-        return _turned(lathe(row["lathe"]), axis).moved(_scales(extents, axis), low + _middle(extents, axis))
+        along = np.arange(3) == axis
+        scales, middle = np.where(along, extents, extents / 2), np.where(along, 0.0, extents / 2)
+        return _turned(lathe(row["lathe"]), axis).moved(scales, low + middle)
     outline: Array = np.array(row["prism"], float)
     return _turned(prism(outline[:, ::-1] if AXES[axis] == "y" else outline), axis).moved(extents, low)
 
@@ -145,14 +147,6 @@ def _turned(solid: Solid, axis: int) -> Solid:
     """Rotate z onto an axis by a cyclic permutation of the axes, which preserves orientation."""
     order = [(k - axis - 1) % 3 for k in range(3)]
     return Solid(solid.vertices[:, order], solid.faces)
-
-
-def _scales(extents: Array, axis: int) -> Array:
-    return np.where(np.arange(3) == axis, extents, extents / 2)
-
-
-def _middle(extents: Array, axis: int) -> Array:
-    return np.where(np.arange(3) == axis, 0.0, extents / 2)
 
 
 def _at(value: float | str, extent: float) -> float:

@@ -50,7 +50,8 @@ def robot_picture(robot: Robot, world: PlanningWorld, size: tuple[int, int]) -> 
     models, arrow = list(_models(robot, world, ())), _arrow(robot.base.radius)
     points = np.concatenate([joined(models).vertices, arrow.vertices])
     middle, radius = _sphere(points)
-    eye = middle + _towards(ASIDE, ABOVE) * _distance(radius)
+    away = np.array([math.cos(ASIDE) * math.cos(ABOVE), math.sin(ASIDE) * math.cos(ABOVE), math.sin(ABOVE)])
+    eye = middle + away * _distance(radius)
     frames = [arrow, _frame(Pose(ORIGIN), AXIS), *(_frame(world.link_pose(arm.tip), AXIS / 2) for arm in robot.arms)]
     if robot.camera is not None:
         frames += [_frame(world.link_pose(robot.camera.link), AXIS / 2), _sight(robot, world)]
@@ -115,10 +116,6 @@ def _sphere(points: Array) -> tuple[Array, float]:
 
 def _distance(radius: float) -> float:
     return radius / math.sin(FIELD / 2)
-
-
-def _towards(aside: float, above: float) -> Array:
-    return np.array([math.cos(aside) * math.cos(above), math.sin(aside) * math.cos(above), math.sin(above)])
 
 
 def _view(eye: Array, target: Array) -> View:

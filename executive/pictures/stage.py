@@ -59,7 +59,8 @@ class Stage:
     def poses(self) -> dict[Path, Pose]:
         """Current poses of all existing entities in the map."""
         if self._names != self.world.names():
-            self._names, self._drawn = self.world.names(), drawn_in(self.world, _whole)
+            # walls are complete here: those between the viewer and the room are left out of each picture
+            self._names, self._drawn = self.world.names(), drawn_in(self.world, lambda wall: wall)
             for one in self._drawn:
                 if one.path not in self.models:
                     self._add(one)
@@ -161,11 +162,6 @@ class Stage:
     def robot(self, poses: Mapping[Path, Pose]) -> list[Path]:
         """Paths of the robot's links."""
         return [path for path in poses if path[0] == "robot"]
-
-
-def _whole(wall: Shape) -> Shape:
-    """Keep a wall complete: those between the viewer and the room are left out of each picture."""
-    return wall
 
 
 def ends_of(low: Array, high: Array) -> Array:

@@ -391,13 +391,11 @@ class _Maker:
         above = [name for name in self.mechanism.movers(limb.joints[0].parent) if name != lift]
         return f"; {' to '.join(dict.fromkeys((above[0], above[-1])))} above it" if above else ""
 
-    def _carriers(self) -> Sequence[Joint]:
-        """List the joints of wheels and the uppermost ones of legs."""
-        return *self.anatomy.wheels, *self.anatomy.legs
-
     def _no_arm(self) -> None:
         """Say what was found in place of arms."""
-        carrying = {one.child for joint in self._carriers() for one in self.anatomy.subtree(joint)}
+        carrying = {
+            one.child for joint in (*self.anatomy.wheels, *self.anatomy.legs) for one in self.anatomy.subtree(joint)
+        }
         links = [link for link in self.mechanism.links if link not in carrying]
         deepest = max(links, key=lambda link: len(self.mechanism.movers(link)))
         found = len(self.mechanism.movers(deepest))

@@ -131,6 +131,7 @@ class _Hand:
         turn = self._frame(tip)[:3, :3].T
         links = [link for links in self.links.values() for link in links]
         touching = [link for link in links if link in self.world.robot.solid_names] or links
+        fingers = (points for name, points in self._points({}).items() if name != FIXED)
         return HandShape(
             tip,
             offset,
@@ -142,15 +143,10 @@ class _Hand:
             tuple(dict.fromkeys((*touching, *(self._jaw(approach) if opened else ())))),
             ahead is not None,
             tuple(self.stuck),
-            self._size(),
+            max((float(np.ptp(points, axis=0).max()) for points in fingers), default=0.0),
             without_shapes(self.mechanism, self.limb.hand, self.links, self.world.robot.solid_names),
             self._unclear(),
         )
-
-    def _size(self) -> float:
-        """Greatest extent of a finger along an axis of the hand [m]."""
-        fingers = [one for name, one in self._points({}).items() if name != FIXED]
-        return max((float(np.ptp(one, axis=0).max()) for one in fingers), default=0.0)
 
     def _unclear(self) -> str:
         """Word why the fingers of a hand of many cannot be told apart."""
@@ -227,11 +223,6 @@ class _Hand:
         best = max(axes, key=lambda axis: round(float(axis @ direction), 6), default=direction)
         return best if float(best @ direction) >= LOPSIDED else direction
 
-    def _straightened(self, direction: Array) -> Array:
-        """Snap a direction to a close axis of the hand or of the wrist's last joint; unchanged if none is close."""
-        straight = self._along_an_axis(direction)
-        return direction if straight is None else straight
-
     def _along_an_axis(self, direction: Array) -> Array | None:
         """Find the axis of the hand or of the wrist's last joint that is close to a direction; None if none is."""
         wrist = self._last_axis()
@@ -283,7 +274,9 @@ class _Hand:
 
     def _across(self, direction: Array, approach: Array) -> Array:
         """Unit vector (3,) along a direction, if it is close to an axis along that, perpendicular to the approach."""
-        across = self._straightened(direction / np.linalg.norm(direction))
+        across = direction / np.linalg.norm(direction)
+        axis = self._along_an_axis(across)
+        across = across if axis is None else axis
         across = across - approach * float(across @ approach)
         return np.asarray(across / np.linalg.norm(across))
 

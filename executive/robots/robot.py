@@ -69,7 +69,9 @@ def read_self_model(ontology: Ontology) -> SelfModel:
     joints = {iri: name for iri, name in names.items() if _is_joint(ontology, iri)}
     links = {iri: name for iri, name in names.items() if iri not in joints}
     compositions = tuple(_compositions(ontology, robot))
-    members = dict.fromkeys([*_closure(ontology, robot), *names, *(c.iri for c in compositions)])
+    below = ("srdl2-comp:subComponent", "srdl2-comp:succeedingLink", "srdl2-comp:succeedingJoint")
+    parts = reached((robot,), lambda iri: (part for prop in below for part in ontology.iris(iri, prop)))
+    members = dict.fromkeys([*parts, *names, *(c.iri for c in compositions)])
     members.pop(robot, None)
     ends = {iri for c in compositions for iri in (*c.ends, c.base, c.tool_frame) if iri}
     dangling = frozenset(iri for iri in ends if iri not in names and not ontology.defined(iri))
@@ -141,12 +143,6 @@ def _compositions(ontology: Ontology, robot: str) -> Iterator[Composition]:
             ontology.label(iri),
             ontology.span(iri),
         )
-
-
-def _closure(ontology: Ontology, robot: str) -> tuple[str, ...]:
-    """List the robot and all its parts, links and joints, breadth first."""
-    names = ("srdl2-comp:subComponent", "srdl2-comp:succeedingLink", "srdl2-comp:succeedingJoint")
-    return tuple(reached((robot,), lambda iri: (part for name in names for part in ontology.iris(iri, name))))
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,16 +59,12 @@ def apart(roots: Mapping[str, Array]) -> set[str]:
     out = {}
     for name, root in roots.items():
         row = np.stack([other for key, other in roots.items() if key != name])
-        away = _off_the_line(row, np.vstack([row, root]))
+        middle = row.mean(axis=0)
+        along = np.linalg.svd(row - middle)[2][0]  # the straight line that fits the row best
+        away = np.linalg.norm(np.cross(np.vstack([row, root]) - middle, along), axis=1)
         out[name] = float(away[-1] / max(float(away[:-1].max()), LEAST_TRAVEL))
     thumb = max(out, key=lambda name: round(out[name], 3))
     return {thumb} if out[thumb] > APART else set()
-
-
-def _off_the_line(row: Array, points: Array) -> Array:
-    """Distances (n,) of points from the straight line that fits a row of points best."""
-    along = np.linalg.svd(row - row.mean(axis=0))[2][0]
-    return np.asarray(np.linalg.norm(np.cross(points - row.mean(axis=0), along), axis=1))
 
 
 def thumb_grip(

@@ -39,7 +39,7 @@ from planlang.designators import Action, Condition, Device, FixedPose, Location,
 from planlang.diagnostics import BadInput, Span, error
 from planlang.failures import LocationUnresolvable, ObjectNotFound, ObjectUnresolvable
 from planlang.language.process_module import ModuleOnce, ProcessModule, stated_as_before
-from planlang.ontology import Ontology, expand, shorten
+from planlang.ontology import expand, shorten
 from planlang.progress import Report, unreported
 from planlang.protocols import RobotInterface, Solution
 from planlang.state import Hold, restored, saved
@@ -157,12 +157,6 @@ def platform_of(
     )
 
 
-def _finding(ontology: Ontology) -> frozenset[str]:
-    """Action classes that search for things, whose poses need not be known before."""
-    primitives = [iri for iri in ontology.individuals("Primitive") if ontology.values(iri, "finds")]
-    return frozenset(shorten(cls) for iri in primitives for cls in ontology.iris(iri, "performsAction"))
-
-
 class RobotExecutive:
     """Implements :class:`planlang.language.executive.Executive` for one platform."""
 
@@ -178,8 +172,10 @@ class RobotExecutive:
         self.tilts = Tilts(platform.leaning)
         """The largest tilts of carried things, measured by a watcher of the true world."""
         self._effects = ActionEffects(platform, physics)
-        self.finding = _finding(platform.belief.map.ontology)
-        """Action classes that search for things."""
+        ontology = platform.belief.map.ontology
+        primitives = [iri for iri in ontology.individuals("Primitive") if ontology.values(iri, "finds")]
+        self.finding = frozenset(shorten(cls) for iri in primitives for cls in ontology.iris(iri, "performsAction"))
+        """Action classes that search for things, whose poses need not be known before."""
         self.modules: Sequence[ProcessModule] = tuple(
             ModuleWithEffects(
                 LookingFirst(NotingHands(ModuleOnce(one), platform.belief), platform, self.finding),

@@ -64,15 +64,11 @@ def _where(link: BaseException) -> str | None:
 
 def line_of_user(problem: Exception, plan: Path, modules: Sequence[Path]) -> str | None:
     """Line of the plan, or of a user's process module, that raised; None if planlang itself did."""
+    own = Path(__file__).parents[1], Path(sim.__file__).parent  # the executive and the simulator
     files = [Path(frame.filename) for frame in traceback.extract_tb(problem.__traceback__)]
     for path, what in [(plan, "the plan"), *((file, "the process modules") for file in modules)]:
         line = line_in(problem, str(path))
         below = files[len(files) - files[::-1].index(path) :] if path in files else files
-        if line is not None and not any(_is_own(file) for file in below):
+        if line is not None and not any(file.is_relative_to(folder) for file in below for folder in own):
             return f"in {what}, {path.name}:{line}"
     return None
-
-
-def _is_own(file: Path) -> bool:
-    """Check whether a file is part of the executive or the simulator."""
-    return any(file.is_relative_to(folder) for folder in (Path(__file__).parents[1], Path(sim.__file__).parent))

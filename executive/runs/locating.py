@@ -150,11 +150,14 @@ def _resolved(question: _Question, options: LocateOptions, waiting: Waiting) -> 
         raise
     except LocationUnresolvable as problem:
         failure = problem
+    reason = None if poses or failure is None else Failure.of(failure)
+    if reason is not None:  # without the phrase, which is printed beside it
+        reason = replace(reason, message=reason.message.replace(f" for {question.location}", "", 1))
     phrase = write_location(question.location, question.lexicon)
     located = Located(
         phrase,
         tuple(poses),
-        None if poses or failure is None else _without_phrase(failure, question.location),
+        reason,
         dict(log.counts.most_common()),
         dict(log.blocking.most_common()),
         {str(reference): name for reference, name in question.meant.items()},
@@ -164,12 +167,6 @@ def _resolved(question: _Question, options: LocateOptions, waiting: Waiting) -> 
         units=tuple(options.units or ()),
     )
     return located, log
-
-
-def _without_phrase(failure: PlanFailure, location: Location) -> Failure:
-    """Describe a failure without the phrase, which is printed beside it."""
-    described = Failure.of(failure)
-    return replace(described, message=described.message.replace(f" for {location}", "", 1))
 
 
 def _drawing(located: Located, log: Rejections, question: _Question, options: LocateOptions) -> Sheet:

@@ -107,17 +107,15 @@ class Abilities:
         key = digest((self_model, entry.uid, entry.kind, entry.about, entry.etag))
         known = self._judgements.get(key)
         if known is None:
-            known = pickle.dumps(self._judge(self_model, entry))
+            data = self._store.content(entry.uid)
+            judgement = self._workers.call(judged, self_model, entry.uid, entry.kind, entry.about, data)
+            known = pickle.dumps(judgement)
             self._judgements.keep(key, known, len(known))
         return cast(Judgement, pickle.loads(known))
 
     def check(self, self_model: str) -> None:
         """Check that a text is a self-model. Raises BadInput if it is not; Busy."""
         self._workers.call(check_robot, self_model)
-
-    def _judge(self, self_model: str, entry: Entry) -> Judgement:
-        data = self._store.content(entry.uid)
-        return self._workers.call(judged, self_model, entry.uid, entry.kind, entry.about, data)
 
 
 def check_robot(self_model: str, vocabulary: Vocabulary) -> None:

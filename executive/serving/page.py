@@ -180,13 +180,10 @@ _entries = APIRouter(route_class=PageRoute, include_in_schema=False)
 @_entries.get("")
 def browse(kind: OfKind, served: Served, after: str = "") -> Response:
     """Show a page of the entries of a kind, after an identifier."""
-    found = listing(served, served.catalogue.uids(kind, after, MOST_LISTED + 1), MOST_LISTED, _plain)
+    uids = served.catalogue.uids(kind, after, MOST_LISTED + 1)
+    found = listing(served, uids, MOST_LISTED, lambda entry: {"entry": entry, "judgement": None})
     onward = f"/{kind.value}?" + urlencode({"after": found["next"]}) if found["next"] else None
     return page("browse", kind=kind, found=found["entries"], onward=onward, count=served.catalogue.count(kind))
-
-
-def _plain(entry: Entry) -> dict[str, Any]:
-    return {"entry": entry, "judgement": None}
 
 
 @_entries.get("/{uid}")
@@ -260,6 +257,7 @@ def _entry_page(
     """Render the page of an entry; ``problem`` is shown in the ``part`` of the page that caused it."""
     data = served.store.content(entry.uid, revision)
     _, reason, diagnostics = refusal(problem) if problem else (HTTPStatus.OK, "", ())
+    gravest = sorted(diagnostics, key=lambda one: ("error", "warning", "note").index(one.severity.value))
     text = text_of(data)
     return page(
         "entry",
@@ -277,7 +275,7 @@ def _entry_page(
         robots=[*([sent] if sent else []), *_comparisons(served, entry, robot, len(data))],
         ratings=range(LOWEST_RATING, HIGHEST_RATING + 1),
         reason=reason,
-        diagnostics=_first(diagnostics),
+        diagnostics=gravest[:MOST_SHOWN],
         part=part,
     )
 
@@ -298,11 +296,6 @@ def _comparisons(served: Serving, entry: Entry, requested: str, size: int) -> li
         except (Failed, Busy):
             comparisons.append(Comparison(robot, None, "cannot be compared now; try again later"))
     return comparisons
-
-
-def _first(diagnostics: Sequence[Diagnostic]) -> Sequence[Diagnostic]:
-    """Select the most severe diagnostics, as many as a page shows."""
-    return sorted(diagnostics, key=lambda one: ("error", "warning", "note").index(one.severity.value))[:MOST_SHOWN]
 
 
 for _one in Kind:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from planlang.designators import local_name
@@ -39,7 +39,8 @@ class Vocabulary:
 def read_vocabulary(folders: Sequence[Path] = ()) -> Vocabulary:
     """Read the bundled ontologies and those in ``folders``; unreadable files are left out and reported."""
     problems: list[Diagnostic] = []
-    files = [path for path in _files(folders) if _is_readable(path, folders, problems)]
+    found = [path for folder in folders for path in sorted(folder.iterdir()) if path.name.endswith(ONTOLOGIES)]
+    files = [path for path in found[:MOST_FILES] if _is_readable(path, folders, problems)]
     experience = bundled("ontologies") / "experience.omn"  # terms of recorded runs, which knowrob.omn does not import
     ontology = load(bundled("ontologies") / "knowrob.omn", folders=folders, also=[experience, *files])
     digest = hashlib.sha256("".join(document.sha256 for document in ontology.documents).encode())
@@ -54,11 +55,6 @@ def _has_twin(ontology: Ontology, iri: str) -> bool:
     """Check for a term of RoboEarth or SOMA that KnowRob has under the same name, for which this name stands then."""
     other = KNOWROB + local_name(iri) if iri.startswith(ALIGNED) else twin(iri)
     return other is not None and ontology.defined(other)
-
-
-def _files(folders: Iterable[Path]) -> list[Path]:
-    found = [path for folder in folders for path in sorted(folder.iterdir()) if path.name.endswith(ONTOLOGIES)]
-    return found[:MOST_FILES]
 
 
 def _is_readable(path: Path, folders: Sequence[Path], problems: list[Diagnostic]) -> bool:

@@ -11,7 +11,7 @@ from executive.serving.forms import Filled
 from executive.serving.page import PageRoute, author_of, page, status_of
 from executive.serving.problems import REFUSALS, Refusal, refusal
 from executive.serving.serving import Served, Serving, now
-from planlang.knowledge.entries import Entry, News, NoSuchEntry
+from planlang.knowledge.entries import Entry, NoSuchEntry
 
 router = APIRouter(route_class=PageRoute, include_in_schema=False)
 
@@ -40,20 +40,14 @@ def show(form: Filled, served: Served) -> Response:
         return _key_form(problem)
     subscriptions = served.store.subscriptions(author)
     watched = _watched(served, subscriptions[:MOST_WATCHED])
-    return page(
-        "news", author=author, news=_latest(served, author), watched=watched, count=len(subscriptions), reason=""
-    )
+    latest = served.store.news(author=author, limit=MOST_NEWS, newest_first=True)
+    news = [(one, one.uid in served.catalogue) for one in latest]
+    return page("news", author=author, news=news, watched=watched, count=len(subscriptions), reason="")
 
 
 def _key_form(problem: Refusal | None = None) -> Response:
     reason = "" if problem is None else refusal(problem)[1]
     return page("news", status_of(problem), author="", news=(), watched=(), count=0, reason=reason)
-
-
-def _latest(served: Serving, author: str) -> list[tuple[News, bool]]:
-    """Latest news of watched entries, newest first, each with whether the entry still exists."""
-    news = served.store.news(author=author, limit=MOST_NEWS, newest_first=True)
-    return [(one, one.uid in served.catalogue) for one in news]
 
 
 def _watched(served: Serving, uids: Iterable[str]) -> list[tuple[str, Entry | None]]:

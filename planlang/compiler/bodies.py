@@ -141,7 +141,7 @@ class BodyWriter:
             (key, branch, self._data_flow.leaving(branch)) for key, branch in node.branches if self._is_giving(branch)
         ]
         if isinstance(node, Parallel) and len(node.branches) <= MOST_UNPACKED:
-            by_key = {key: self._target(steps) for key, _, steps in giving}
+            by_key = {key: one_or_several(self._targets(steps)) for key, _, steps in giving}
             targets = [by_key.get(key, Text("_")) for key, _ in node.branches]
             return assignment(targets, expression, depth=depth, before="await ")
         results = self._local_name("results")
@@ -158,10 +158,6 @@ class BodyWriter:
 
     def _targets(self, steps: tuple[str, ...]) -> list[Expression]:
         return [Text(self._variable(step)) for step in steps]
-
-    def _target(self, steps: tuple[str, ...]) -> Expression:
-        targets = self._targets(steps)
-        return one_or_several(targets)
 
     def _variable(self, step: str) -> str:
         """Variable for the result of a step."""

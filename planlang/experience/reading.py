@@ -160,7 +160,8 @@ class _Reader:
     def _resolution(self, node: str) -> Resolution:
         base = self._json(node, EXPERIENCE.base, None)
         to = self._text(node, EXPERIENCE.resolvedAs)
-        if to not in list(ResolvedTo) or not (base is None or _are_numbers(base)):
+        is_base = base is None or (isinstance(base, list) and all(isinstance(one, int | float) for one in base))
+        if to not in list(ResolvedTo) or not is_base:
             self._refuse("the kind of the designator's solution is unknown", node)
         return Resolution(
             self._whole(node, EXPERIENCE.atStep),
@@ -275,10 +276,6 @@ class _Reader:
         statements = next(iter(self._about.get(node or "", {}).values()), None)
         where = "" if node is None else f"{node.rsplit('#', 1)[-1]}: "
         raise BadInput([error("K080", where + message, statements[0].span if statements else Span(self._file))])
-
-
-def _are_numbers(value: object) -> bool:
-    return isinstance(value, list) and all(isinstance(one, int | float) for one in value)
 
 
 def _are_texts(value: object) -> bool:

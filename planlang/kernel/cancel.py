@@ -252,15 +252,11 @@ def unhold(scheduler: Scheduler, task: Task) -> None:
     task.holds = task.count = 0
     if task.woken:
         # A result that arrived while the task was held is replaced by Evaporated; an error is kept.
-        if task.begun and not _has_error(task):
+        has_crashed_branch = task.scope is not None and task.scope.crash is not None
+        if task.begun and task.error is None and not has_crashed_branch:
             task.error, task.value = Evaporated(), None
         if not task.in_queue:
             scheduler.enqueue(task)
-
-
-def _has_error(task: Task) -> bool:
-    """Check whether the task was woken with an error, or a branch that it waits for has crashed."""
-    return task.error is not None or (task.scope is not None and task.scope.crash is not None)
 
 
 def _resume(scheduler: Scheduler, task: Task) -> None:

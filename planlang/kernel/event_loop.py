@@ -315,7 +315,8 @@ def _raised(scheduler: Scheduler, task: Task, error: BaseException) -> None:
 
 def _unexpected(scheduler: Scheduler, task: Task, signal: object) -> None:
     if signal is STUCK:
-        _never_close(task.coroutine)
+        # Leaked, as closing a coroutine that does not end would not end either, not even at the interpreter's exit.
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(task.coroutine))
         task.crash = StuckTask(
             contrast(
                 f"{task.path} does not end although Evaporated was raised in it {MAX_DELIVERIES} times{place_of(task)}"
@@ -338,11 +339,6 @@ def _unexpected(scheduler: Scheduler, task: Task, signal: object) -> None:
             )
         ),
     )
-
-
-def _never_close(coroutine: object) -> None:
-    """Leak a coroutine that does not end, as closing it would not end either, not even at the interpreter's exit."""
-    ctypes.pythonapi.Py_IncRef(ctypes.py_object(coroutine))
 
 
 # -- closing async generators that a task iterated and did not exhaust

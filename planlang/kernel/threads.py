@@ -283,10 +283,6 @@ def _coroutine_error(name: str, wrong: str, right: str) -> WrongType:
     return WrongType(contrast(f"{name}() is a coroutine; pass the async function itself", wrong, right))
 
 
-def _is_asynchronous(function: object) -> bool:
-    return inspect.iscoroutinefunction(function) or inspect.iscoroutinefunction(type(function).__call__)
-
-
 @overload
 async def in_thread(
     function: Callable[..., Coroutine[Any, Any, R]], /, *arguments: Any, takes: float = 0.0, **named: Any
@@ -315,7 +311,8 @@ async def in_thread(function: Callable[..., Any], /, *arguments: Any, takes: flo
     name = name_of(function)
     steps = scheduler.steps(takes, _IN_THREAD, "takes")
     work: Callable[[], Any] = lambda: function(*arguments, **named)  # noqa: E731
-    return await _call(AsyncioCall(work) if _is_asynchronous(function) else work, name, steps)
+    is_async = inspect.iscoroutinefunction(function) or inspect.iscoroutinefunction(type(function).__call__)
+    return await _call(AsyncioCall(work) if is_async else work, name, steps)
 
 
 async def compute_in_thread(function: Callable[[], R]) -> R:

@@ -123,16 +123,14 @@ def _certificates(environment: Mapping[str, str]) -> ssl.SSLContext:
             return ssl.create_default_context(capath=folder)
         return httpx.create_ssl_context(trust_env=False)
     except (OSError, ValueError) as problem:  # ssl.SSLError is an OSError; a NUL in a name a ValueError
-        reason = "has no certificates" if isinstance(problem, ssl.SSLError) else f"cannot be read: {_reason(problem)}"
+        reason = f"cannot be read: {getattr(problem, 'strerror', None) or problem}"
+        if isinstance(problem, ssl.SSLError):
+            reason = "has no certificates"
         if log and isinstance(problem, OSError) and problem.filename == log:
             raise _unusable("SSLKEYLOGFILE", log, reason, "name a file that can be written") from None
         if file:
             raise _unusable("SSL_CERT_FILE", file, reason, "name a file of certificates (PEM)") from None
         raise _unusable("SSL_CERT_DIR", folder or "", reason, "name a folder of certificates") from None
-
-
-def _reason(problem: Exception) -> str:
-    return getattr(problem, "strerror", None) or str(problem)
 
 
 def _unusable(variable: str, value: str, what: str, advice: str) -> BadInput:

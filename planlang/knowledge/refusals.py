@@ -40,14 +40,9 @@ def client_of(url: str, key: str | None = None) -> Client:
     try:
         return Client(url, key, kept_answers())
     except ValueError as problem:
-        message = f"invalid server address {_without_user(url)}: {problem}"
+        _, at, host = url.rpartition("@")  # the user's name and password are not shown
+        message = f"invalid server address {printed(f'...@{host}' if at else url)}: {problem}"
         raise BadInput([error("K030", message, help=_NO_ADDRESS)]) from None
-
-
-def _without_user(url: str) -> str:
-    """Format an address without user name and password."""
-    _, at, host = url.rpartition("@")
-    return printed(f"...@{host}" if at else url)
 
 
 def diagnostics_of(url: str, problem: NoAnswer | NotAsAgreed | Refused) -> tuple[Diagnostic, ...]:

@@ -154,7 +154,10 @@ def _asked(store: ox.Store, message: dict[str, Any]) -> dict[str, Any] | None:
             close_off(message["memory"])
             signal.setitimer(signal.ITIMER_REAL, message["seconds"])
             found = answer(store, message["query"], message["rows"])
-            _tell(_line_within(found, message["bytes"]), lambda: signal.setitimer(signal.ITIMER_REAL, 0))
+            line, most = _line(found), message["bytes"]
+            if len(line) > most:
+                line = _line({"limit": f"more than {most / 1e6:g} MB"})
+            _tell(line, lambda: signal.setitimer(signal.ITIMER_REAL, 0))
             status = 0
         finally:
             os._exit(status)
@@ -171,12 +174,6 @@ def _asked(store: ox.Store, message: dict[str, Any]) -> dict[str, Any] | None:
 
 def _line(answered: dict[str, Any]) -> bytes:
     return json.dumps(answered, ensure_ascii=False).encode() + b"\n"
-
-
-def _line_within(answered: dict[str, Any], most: int) -> bytes:
-    """Format a response of at most ``most`` bytes, or a message that it is longer."""
-    line = _line(answered)
-    return line if len(line) <= most else _line({"limit": f"more than {most / 1e6:g} MB"})
 
 
 def _tell(data: bytes, before: Callable[[], object] = bool) -> None:

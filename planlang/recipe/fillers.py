@@ -126,7 +126,9 @@ def read_thing(ontology: Ontology, iri: str) -> Thing | None:
     """Read an individual or a class as a thing; None unless it belongs to a class of things with a position."""
     for cls in classes_of(ontology, iri):
         if is_localised(ontology, cls):
-            return Thing(kind_of(ontology, cls), _type_of(ontology, cls), _individual(ontology, iri), cls)
+            kind, nearest = kind_of(ontology, cls), nearest_in_vocabulary(ontology, cls)
+            says_nothing = nearest in ANYTHING and shorten(cls) == cls  # but that it is a thing with a position
+            return Thing(kind, cls if says_nothing else nearest, _individual(ontology, iri), cls)
     return None
 
 
@@ -186,12 +188,6 @@ def _unknown(ontology: Ontology, iri: str) -> Thing:
     """Read a thing of unknown kind as an object of its first class."""
     cls = next(iter(classes_of(ontology, iri)), expand(ANYTHING[0]))
     return Thing(Kind.OBJECT, shorten(cls), _individual(ontology, iri), cls)
-
-
-def _type_of(ontology: Ontology, cls: str) -> str:
-    """Nearest class of the vocabulary; the class itself if that one only means "thing with a position"."""
-    nearest = nearest_in_vocabulary(ontology, cls)
-    return cls if nearest in ANYTHING and shorten(cls) == cls else nearest
 
 
 def is_localised(ontology: Ontology, cls: str) -> bool:

@@ -207,6 +207,7 @@ def read_step(actions: Actions, sub_action: SubAction, created: frozenset[str] =
     cls = None if ontology.is_class(iri) else action_class(ontology, iri)
     recipes, primitive = recipes_for(actions, iri)
     parameters = read_constraints(ontology, read_parameters(ontology, iri, sub_action.fillings, created))
+    conditions = (_stated_condition(ontology, ancestor) for ancestor in ontology.ancestors(cls or iri))
     return Step(
         iri,
         nearest_in_vocabulary(ontology, cls or iri, primitive),
@@ -216,7 +217,7 @@ def read_step(actions: Actions, sub_action: SubAction, created: frozenset[str] =
         _label(ontology, iri) if shorten(iri) == iri else None,
         sub_action.span,
         cls,
-        _condition(ontology, cls or iri),
+        next(filter(None, conditions), None),
     )
 
 
@@ -293,12 +294,6 @@ def _label(ontology: Ontology, iri: str) -> str | None:
         if isinstance(filling.term, Literal):
             return filling.term.value
     return label
-
-
-def _condition(ontology: Ontology, cls: str) -> Description | None:
-    """Condition that a class of actions checks: the nearest filler of ``conditionEvaluated``."""
-    stated = (_stated_condition(ontology, ancestor) for ancestor in ontology.ancestors(cls))
-    return next(filter(None, stated), None)
 
 
 @kept

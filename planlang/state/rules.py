@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
 from dataclasses import field
 
@@ -21,10 +22,6 @@ class Heating:
 Size = tuple[float, float, float]
 
 
-def _same(cls: str, above: str) -> bool:
-    return cls == above
-
-
 PUDDLE = (0.14, 0.14, 0.008)
 """Size of a puddle if its class states none [m]."""
 
@@ -38,7 +35,7 @@ class Rules:
     """Behaviour of classes of things; the defaults know neither subclasses nor heat."""
 
     heating: tuple[Heating, ...] = ()
-    is_a: Callable[[str, str], bool] = field(default=_same, compare=False)
+    is_a: Callable[[str, str], bool] = field(default=operator.eq, compare=False)
     """Whether a class is equal to, or a subclass of, another."""
     size: Callable[[str], Size | None] = field(default=_unknown, compare=False)
     """Size [m] of a created thing of a class; None if the class states none."""

@@ -402,17 +402,14 @@ def _lines(run: History) -> list[str]:
 def _line(event: Mapping[str, Any], rate: int) -> str:
     formatted = ("step", "event", "path", "status", "failure")
     frame = ("node", "parent", "kind", "name") if "node" in event else ()
-    parts = [f"{event['step'] / rate:6.3f} s", _short(str(event.get("path", "")))]
+    names = str(event.get("path", "")).split("/")
+    path = "/".join(names if len(names) <= 3 else ["..", *names[-3:]])
+    parts = [f"{event['step'] / rate:6.3f} s", path]
     parts.append(event.get("status") or event["event"])
     if "failure" in event:
         parts.append(f"{event['failure']['type']}: {event['failure']['message']}")
     parts.extend(f"{key} {value}" for key, value in event.items() if key not in (*formatted, *frame))
     return " ".join(part for part in parts if part)
-
-
-def _short(path: str) -> str:
-    names = path.split("/")
-    return path if len(names) <= 3 else "../" + "/".join(names[-3:])
 
 
 def _cut(text: str) -> str:

@@ -83,19 +83,15 @@ class Software(PlatformModule):
         ancestors, belief = self.platform.ancestors(action.type), self.platform.belief
         recognition = belief.memory.recognition
         if "LoadTypicalObjectModels" in ancestors:
-            belief.recognises_by(recognition.with_models(self.platform.searches.typical_things(_place(action))))
+            place = action.get("models_for_place")
+            cls = place.type if isinstance(place, Object) else place if isinstance(place, str) else None
+            belief.recognises_by(recognition.with_models(self.platform.searches.typical_things(cls)))
             return
         running = "StartSoftwareModules" in ancestors
         components = {"VisionModules": VISION, "ExplorationModules": EXPLORATION}
         bundled = next((part for suffix, part in components.items() for one in ancestors if one.endswith(suffix)), None)
         component = bundled or local_name(action.type)
         belief.recognises_by(recognition.running(component) if running else recognition.without(component))
-
-
-def _place(action: Action) -> str | None:
-    """Read the class of the place whose objects' models the action loads."""
-    place = action.get("models_for_place")
-    return place.type if isinstance(place, Object) else place if isinstance(place, str) else None
 
 
 @process_module

@@ -119,7 +119,9 @@ class Pouring:
         for name, grip in platform.belief.held.items():
             if grip.arm in number and changes.is_vessel(name):
                 arm = number[grip.arm]
-                turned = self._turned(group, rows, arm, grip.offset.matrix())
+                # z of the vessel's axis in the base's frame, which is level: the axis points down if negative
+                vertical = group.fk(rows, arm)[:, 2, :3] @ grip.offset.matrix()[:3, 2]
+                turned: Array = np.asarray(vertical < 0)
                 if turned.any() or name in self._phase.pours:
                     yield Flow(name, motion.arms[arm], grip.offset, turned)
 
@@ -197,11 +199,6 @@ class Pouring:
         bodies, changes = self._platform.scene.bodies, self._platform.scene.world.changes
         names = [bodies.bind(one) for one in motion.things]
         return next((name for name in names if changes.is_vessel(name)), None)
-
-    def _turned(self, group: ArmGroup, rows: Array, arm: int, offset: Array) -> Array:
-        """Mark the rows of joint positions (m, n) at which the axis of a vessel points down, (m,)."""
-        vertical = group.fk(rows, arm)[:, 2, :3] @ offset[:3, 2]  # z in the base's frame, since the base is level
-        return np.asarray(vertical < 0)
 
     def _amount(self, action: Action, flow: Flow) -> tuple[float, bool]:
         """Determine the amount to pour [ml], and whether the plan states it; "pour the mix" states all of it."""

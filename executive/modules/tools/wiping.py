@@ -67,7 +67,9 @@ class Wiping(StrokeWork):
                 await self.gone(motion, await stroke(lane))
             except (ConstraintsUnsatisfied, ManipulationGoalInCollision, NavigationFailure) as failure:
                 problems, in_a_row = [*problems, failure], in_a_row + 1
-                pending = self._nearest_first(plane, motion, (*pending, *_halves(lane)))
+                places = lane[1:-1, :3]
+                halves = map(lifted, np.array_split(places, 2)) if len(places) > SHORT else ()
+                pending = self._nearest_first(plane, motion, (*pending, *halves))
                 continue
             done = [lane, *await self._from_here(stroke, motion, lane, pending)]
             pending = [one for one in pending if not any(one is other for other in done)]
@@ -154,9 +156,3 @@ class Wiping(StrokeWork):
         width, length = sorted(self.platform.scene.world.size(self.tool(motion)))[1:]
         surface = Surface(self.platform, name, motion.things[plane.thing], middle, normal, plane.axes())
         return surface.room(width, length)
-
-
-def _halves(lane: Array) -> tuple[Array, ...]:
-    """Divide a lane in two; return none for a lane of at most SHORT waypoints."""
-    places = lane[1:-1, :3]
-    return tuple(map(lifted, np.array_split(places, 2))) if len(places) > SHORT else ()

@@ -104,7 +104,9 @@ class ManchesterText(Editable):
         The restriction becomes an item in the list of the last one if there is a list; otherwise it gets a frame.
         """
         end = self._name(place.last)[1]
-        is_item = place.is_flat and self._ends_an_item(end)
+        rest = re.sub(r"\A(?:\s|#[^\n]*\n)+", "", self.text[end:])
+        # an item of a list ends before a comma, another section, or the end
+        is_item = place.is_flat and (not rest or rest.startswith(",") or _FRAME.match(rest) is not None)
         frame_of_task = [] if is_item else [f"Class: {self._slice(self._name(place.task))}", f"    SubClassOf: {new}"]
         frames = [frame for frame in (frame_of_task, individual) if frame]
         indent = self.indentation(self._property(place.last)[0])
@@ -120,11 +122,6 @@ class ManchesterText(Editable):
             lines.pop()
         end = position + len("".join(lines).rstrip())
         return Edit(end, end, "".join(self.line_end().join(["", "", *frame]) for frame in frames))
-
-    def _ends_an_item(self, offset: int) -> bool:
-        """True if an item of a list ends here: before a comma, another section, or the end."""
-        rest = re.sub(r"\A(?:\s|#[^\n]*\n)+", "", self.text[offset:])
-        return not rest or rest.startswith(",") or _FRAME.match(rest) is not None
 
     def _offset(self, span: Span) -> int:
         self.check_file(span)

@@ -119,24 +119,18 @@ def _produced(ontology: Ontology, statements: Statements) -> list[Flow]:
 
 
 def _outputs(ontology: Ontology, statements: Statements) -> Iterator[tuple[str, str, Span]]:
-    is_inherited = _states_outputs(ontology)
+    is_inherited, produced = _states_outputs(ontology), _products_by_class(ontology)
     for sub in statements.sub_actions:
         if sub.iri is not None:
             for filling in _all(ontology, sub) if is_inherited else sub.fillings:
                 term = filling.term
                 if is_word(filling.property, *OUTPUTS) and isinstance(term, str) and not ontology.is_class(term):
                     yield sub.iri, term, filling.span
-            products = _products(ontology, sub.iri)
+            products = frozenset().union(*(produced.get(cls, ()) for cls in ontology.ancestors(sub.iri)))
             for filling in _all(ontology, sub) if products else ():
                 term = filling.term
                 if filling.property in products and isinstance(term, str) and not ontology.defined(term):
                     yield sub.iri, term, filling.span
-
-
-def _products(ontology: Ontology, cls: str) -> frozenset[str]:
-    """Properties (IRIs) whose fillers are created by actions of a class."""
-    table = _products_by_class(ontology)
-    return frozenset().union(*(table.get(above, ()) for above in ontology.ancestors(cls)))
 
 
 @kept

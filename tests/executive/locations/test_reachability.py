@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.locations import reachability_maps
-from executive.locations.base_candidates import InverseMap
+from executive.locations.inverse_maps import InverseMap
 from executive.locations.reachability import CELL, GraspClass, ReachabilityMap, is_bound, sampled
 from executive.locations.reachability_maps import build_map, bundled_file, map_key, packed, reachability_map, unpacked
 from executive.motion import Chain, InverseKinematics
