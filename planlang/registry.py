@@ -59,7 +59,8 @@ class _Demanded(WrappedModule):
     @cached_property
     def _imported(self) -> ProcessModule:
         module, _, name = self._what.place.partition(":")
-        made: ProcessModule = getattr(importlib.import_module(module), name)(self._platform)
+        home = importlib.import_module(module)  # a plan performs few of the actions that there are modules for
+        made: ProcessModule = getattr(home, name)(self._platform)
         return made
 
     @property

@@ -34,6 +34,8 @@ LOW = (-0.25, -0.35, -0.45)
 
 _SKIN = (0.86, 0.68, 0.56, 1.0)
 _CLOTHES = (0.45, 0.62, 0.78, 1.0)
+_UP = np.array([0.0, 0.0, 1.0])
+_UNTURNED = Pose((0.0, 0.0, 0.0))
 _UPPER, _FORE, _HAND = 0.30, 0.27, 0.09
 
 
@@ -120,7 +122,7 @@ def figure_of(body: Body) -> Figure:
     along = max(length, width)
     if along >= 1.2 and along > height:
         return _lying(along, height, Pose.planar(0.0, 0.0, 0.0 if length >= width else math.pi / 2))
-    return _upright(length, height, seated=height < 1.45)
+    return _seated(length, height) if height < 1.45 else _standing(height)
 
 
 def _lying(length: float, height: float, turn: Pose) -> Figure:
@@ -134,18 +136,19 @@ def _lying(length: float, height: float, turn: Pose) -> Figure:
     return _figure(pelvis, up, scale, turn, [legs], np.array([0.18, 0.27, 0.03]))
 
 
-def _upright(length: float, height: float, *, seated: bool) -> Figure:
-    turn = Pose((0.0, 0.0, 0.0))
-    scale = height / (1.28 if seated else 1.75)
-    ground = -height / 2
-    if not seated:
-        pelvis = np.array([0.0, 0.0, ground + 0.93 * scale])
-        legs = [_box([0, 0, ground + 0.465 * scale], (0.2, 0.32, 0.93), scale, _CLOTHES)]
-        return _figure(pelvis, np.array([0.0, 0.0, 1.0]), scale, turn, legs, np.array([0.05, 0.25, -0.05]))
+def _standing(height: float) -> Figure:
+    scale, ground = height / 1.75, -height / 2
+    pelvis = np.array([0.0, 0.0, ground + 0.93 * scale])
+    legs = [_box([0, 0, ground + 0.465 * scale], (0.2, 0.32, 0.93), scale, _CLOTHES)]
+    return _figure(pelvis, _UP, scale, _UNTURNED, legs, np.array([0.05, 0.25, -0.05]))
+
+
+def _seated(length: float, height: float) -> Figure:
+    scale, ground = height / 1.28, -height / 2
     pelvis = np.array([-length / 2 + 0.12 * scale, 0.0, ground + 0.47 * scale])
     shins = _box([pelvis[0] + 0.45 * scale, 0, ground + 0.22 * scale], (0.14, 0.32, 0.44), scale, _CLOTHES)
     thighs = _box(np.add(pelvis, (0.25 * scale, 0.0, 0.0)), (0.5, 0.34, 0.16), scale, _CLOTHES)
-    return _figure(pelvis, np.array([0.0, 0.0, 1.0]), scale, turn, [shins, thighs], np.array([0.35, 0.2, 0.14]))
+    return _figure(pelvis, _UP, scale, _UNTURNED, [shins, thighs], np.array([0.35, 0.2, 0.14]))
 
 
 def _figure(pelvis: Array, up: Array, scale: float, turn: Pose, legs: list[Part], rest: Array) -> Figure:

@@ -32,7 +32,8 @@ def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
         def work() -> Answer:
             if name in _RUNNING:
                 check_memory()
-            module = import_module(f"executive.cli.{name.split()[-1].replace('-', '_')}")
+            word = name.split()[-1].replace("-", "_")
+            module = import_module(f"executive.cli.{word}")  # one command of many
             reply: Answer = module.command(parsed(given))
             return reply
 

@@ -40,7 +40,8 @@ def command(arguments: ReportArguments) -> Answer:
         missing = (*missing, *(_without_texts(context) if "robot" in recorded.header else ()))
         told = Told.of(line.record for line in recorded.lines)
         model = model_of(told, replace(context, missing=missing))
-        _keep_fuller_page(output, model, missing, force=arguments.force)
+        if not arguments.force:
+            _keep_fuller_page(output, model, missing)
         for line in missing if not arguments.is_silent else ():
             say(line)
         write_text(output, page(model))
@@ -60,9 +61,9 @@ def _without_texts(context: Context) -> Iterator[str]:
         yield "The recipe is not shown: it was not found."
 
 
-def _keep_fuller_page(output: Path, model: Mapping[str, Any], missing: Sequence[str], *, force: bool) -> None:
-    """Raise BadInput if the new page lacks views of the page that it would replace, unless ``force``."""
-    lost = () if force else sorted(_views(_model_in(output)) - _views(model))
+def _keep_fuller_page(output: Path, model: Mapping[str, Any], missing: Sequence[str]) -> None:
+    """Raise BadInput if the new page lacks views of the page that it would replace."""
+    lost = sorted(_views(_model_in(output)) - _views(model))
     if lost:
         message = f"{output} shows {', '.join(lost)}, the new page would not: {' '.join(missing)}"
         advice = "-o FILE writes the new page beside it; --force replaces the old one"

@@ -10,6 +10,7 @@ from executive.cli.answers import Answer, ExitCode
 from executive.cli.arguments import RunArguments
 from executive.cli.console import printer_of, progress_of, show, silent
 from executive.runs.options import Outcome, RunOptions, RunResult
+from planlang.diagnostics import Diagnostic
 from planlang.progress import unreported
 
 
@@ -23,14 +24,15 @@ def command(arguments: RunArguments, *, recipes: tuple[Path, ...] = ()) -> Answe
         long_work=unreported if arguments.watch_tree else progress_of(arguments),
         announce=silent if arguments.json else partial(show, detail=arguments.detail),
     )
-    return _answer(api.run(options), is_announced=not arguments.json)
+    result = api.run(options)
+    return _answer(result, result.diagnostics if arguments.json else ())  # otherwise they were announced
 
 
-def _answer(result: RunResult, *, is_announced: bool) -> Answer:
+def _answer(result: RunResult, diagnostics: tuple[Diagnostic, ...]) -> Answer:
     code = {
         Outcome.DONE: ExitCode.DONE,
         Outcome.FAILED: ExitCode.FAILED,
         Outcome.LACKS_CAPABILITY: ExitCode.MISSING_CAPABILITY,
         Outcome.INTERRUPTED: ExitCode.INTERRUPTED,
     }[result.outcome]
-    return Answer(code, () if is_announced else result.diagnostics, str(result), result.as_json())
+    return Answer(code, diagnostics, str(result), result.as_json())

@@ -35,8 +35,7 @@ def command(arguments: SearchArguments) -> Answer:
             robot=robot,
             most=arguments.limit + 1,
         )
-        listed = list(islice(entries, arguments.limit + 1))
-        return _answer(listed[: arguments.limit], arguments.limit, is_all=len(listed) <= arguments.limit)
+        return _answer(list(islice(entries, arguments.limit + 1)), arguments.limit)
 
     return ask(arguments, work)
 
@@ -58,10 +57,11 @@ def self_model_of(name: str) -> str:
     return decode(read_file(path, largest=LARGEST), str(path))
 
 
-def _answer(entries: list[Found], limit: int, *, is_all: bool) -> Answer:
+def _answer(found: list[Found], limit: int) -> Answer:
+    entries = found[:limit]
     data = {"entries": [{**asdict(one.entry), "etag": one.entry.etag, **_ability(one)} for one in entries]}
     counted = f"{len(entries)} {'entry' if len(entries) == 1 else 'entries'}"
-    last = counted if is_all else f"the first {counted}; --limit {10 * limit} lists more"
+    last = counted if len(found) <= limit else f"the first {counted}; --limit {10 * limit} lists more"
     return Answer(text="\n".join((*_lines(entries), last)), data=data)
 
 

@@ -138,7 +138,11 @@ def _fix(recipe: RecipeFile, options: CheckOptions) -> CheckResult:
     performed = performed_by_modules(options.modules, module_problems, trust=options.trust)
     checked, content = recipe.path, recipe.content
     if fixed.done:
-        _write(target, fixed, is_named=output is not None)
+        written = fixed.after.encode(fixed.encoding)
+        if output is None and target.exists() and target.read_bytes() != written:
+            advice = Text("remove it, or overwrite it with ", Option("output", target), " and ", Option("force", True))
+            raise BadInput([error("C005", f"{target} exists with other contents", help=advice)])
+        replace(target, lambda temporary: temporary.write_bytes(written))
         checked, content = target, None
     searched = (*recipe.folder, *folders)
     try:
@@ -157,14 +161,6 @@ def _fix(recipe: RecipeFile, options: CheckOptions) -> CheckResult:
     lines.append(f"{checked}: {verdict}" if fixed.done else f"{checked}: nothing was fixed; {verdict}")
     diagnostics = (*remaining, *module_problems, *_not_applied(fixed, checked))
     return CheckResult(not has_errors(remaining), "recipe", "".join(lines), diagnostics, data)
-
-
-def _write(target: Path, fixed: Fixed, *, is_named: bool) -> None:
-    content = fixed.after.encode(fixed.encoding)
-    if target.exists() and not is_named and target.read_bytes() != content:
-        advice = Text("remove it, or overwrite it with ", Option("output", target), " and ", Option("force", True))
-        raise BadInput([error("C005", f"{target} exists with other contents", help=advice)])
-    replace(target, lambda temporary: temporary.write_bytes(content))
 
 
 def _not_applied(fixed: Fixed, checked: Path) -> list[Diagnostic]:

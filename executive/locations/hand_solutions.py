@@ -329,22 +329,25 @@ def from_base(
     rejections: Rejections,
     *,
     seed: Array | None = None,
-    generous: bool = False,
+    beyond: Array | None = None,
 ) -> Iterator[HandSolution]:
     """Yield collision-free solutions from one base, lazily, best first; the others are counted, each once.
 
-    Map postures serve as seeds; if ``generous``, candidates outside the maps are tried last, from the arm's own seeds.
+    Map postures serve as seeds; candidates outside the maps are tried last, from the seeds ``beyond`` (n, d), if any.
     ``seed`` (d,) is tried first, so that solutions near it are preferred.
     """
     points = np.concatenate([np.array([[*base[:2], 0.0]]), *(table.points for table in tables)])
     for _, candidates, check in unblocked(arm, tables, scene, rejections, scene.collisions.near(arm, points)):
-        yield from _from_base(
-            reach, base, arm, candidates, check, scene, inverse, rejections, seed=seed, generous=generous
-        )
+        yield from _from_base(reach, base, arm, candidates, check, scene, inverse, rejections, seed=seed, beyond=beyond)
 
 
 def _passes(
-    base: Array, arm: ArmModel, candidates: GraspCandidates, inverse: InverseMaps, seed: Array | None, generous: bool
+    base: Array,
+    arm: ArmModel,
+    candidates: GraspCandidates,
+    inverse: InverseMaps,
+    seed: Array | None,
+    beyond: Array | None,
 ) -> list[tuple[NDArray[np.intp], Array]]:
     """List passes of candidates (k,) with seeds (k, n, joints), in the order in which they are tried."""
     placed = base_matrices(base[None])[0]
@@ -359,9 +362,9 @@ def _passes(
         chosen, known = passes[0]
         present = np.broadcast_to(seed, (len(chosen), 1, len(seed)))
         passes[0] = chosen, np.concatenate([present, known], axis=1)
-    if generous:
+    if beyond is not None:
         rest = np.setdiff1d(np.argsort(-candidates.weights.round(6), kind="stable"), index, assume_unique=True)
-        own_seeds = arm.seeds if seed is None else np.vstack([seed, arm.seeds])
+        own_seeds = beyond if seed is None else np.vstack([seed, beyond])
         rest = rest[within_reach(candidates, rest, placed, arm)]
         passes.append((rest, np.broadcast_to(own_seeds, (len(rest), *own_seeds.shape))))
     return passes
@@ -378,10 +381,10 @@ def _from_base(
     rejections: Rejections,
     *,
     seed: Array | None,
-    generous: bool,
+    beyond: Array | None,
 ) -> Iterator[HandSolution]:
     base_row = np.array(base)
-    passes = _passes(base_row, arm, candidates, inverse, seed, generous)
+    passes = _passes(base_row, arm, candidates, inverse, seed, beyond)
     tried = np.concatenate([chosen for chosen, _ in passes]) if passes else np.zeros(0, np.intp)
     rejections.add(OUT_OF_REACH.text, len(candidates) - len(np.unique(tried)))
     done, counted = set[int](), set[int]()

@@ -266,7 +266,7 @@ class Resolver:
             found = False
             tables = self._validator.candidates(reach, arm, counted, stage)
             for candidate in from_base(
-                reach, base, arm, tables, self.scene, self.maps, counted, seed=first_seed, generous=True
+                reach, base, arm, tables, self.scene, self.maps, counted, seed=first_seed, beyond=arm.seeds
             ):
                 found = True
                 yield candidate

@@ -355,4 +355,5 @@ def settings_from_header(header: Mapping[str, Any]) -> dict[str, Any]:
         name: list(map(str, value)) if isinstance(value, list) else value
         for name, value in values.items()
         if isinstance(value, list | int | float)
+        and isinstance(value, bool) == isinstance(getattr(RunSettings, name), bool)  # 1 is not True
     }

@@ -447,14 +447,15 @@ class _Legend:
             is_empty = not np.any(region.inside(_grid_points(bounds, EMPTY)[2]))
             self._write(region.words + (": nowhere on this floor" if is_empty else ""), shift=18 * FINE)
 
-    def marks(self, *, are_scored: bool) -> None:
-        """Explain the marks of the map, and the colour scale if there are scores."""
-        if are_scored:
+    def marks(self, scored: Sequence[tuple[Array, Array]]) -> None:
+        """Explain the marks of the map, and the colour scale if a candidate has a score."""
+        has_scores = any(len(scores) and scores.max() > 0 for _, scores in scored)
+        if has_scores:
             self._head("score of a candidate")
             self.sheet.scale((0, self.used), (160 * FINE, 12 * FINE), SCORES)
             self.used += 16 * FINE
             self._write("low ... high; no disc: no candidate", 12, FAINT)
-        self.used += 0 if are_scored else LINE * FINE // 2
+        self.used += 0 if has_scores else LINE * FINE // 2
         marks = "ring: size of the base or thing, arrow: its heading; yellow: bodies in the phrase; grid: 1 m"
         self._write(marks, 12, FAINT)
 
@@ -479,5 +480,5 @@ def _legend(scenery: Scenery, resolution: Resolution, of: Mapping[str, Colour]) 
     legend.places(resolution.places, resolution.details, resolution.message)
     legend.candidates(resolution, of)
     legend.regions(scenery.regions, scenery.bounds)
-    legend.marks(are_scored=any(len(scores) and scores.max() > 0 for _, scores in resolution.scored))
+    legend.marks(resolution.scored)
     return legend.sheet, legend.used

@@ -186,7 +186,7 @@ class Recording:
         """Write the recording."""
         rate, end = self._world.rate, self._world.steps
         tree = RunTree(self._records)
-        stream = stream_to(path, self._title, _blueprint(self._recipe is not None, self._view(), end / rate + FLASH))
+        stream = stream_to(path, self._title, _blueprint(self._recipe, self._view(), end / rate + FLASH))
         record_truth(stream, tuple(self._drawn.values()), self._tracks, rate)
         for name, keyframes in self._believed.items():
             thing = self._drawn.get(("bodies", name))
@@ -240,10 +240,10 @@ def _reasons(failure: Mapping[str, Any]) -> Iterator[str]:
         lead, link = "  because of ", link.get("cause", {})
 
 
-def _blueprint(has_recipe: bool, view: archetypes.EyeControls3D, end: float) -> Any:
+def _blueprint(recipe: TaskGraph | None, view: archetypes.EyeControls3D, end: float) -> Any:
     """Layout of the viewer: the scene beside graphs and text, and below them lanes on a time axis to ``end`` [s]."""
     graphs = [blueprint.GraphView(origin=TREE, name="Plan")]
-    if has_recipe:
+    if recipe is not None:
         graphs.append(blueprint.GraphView(origin=RECIPE, name="Recipe"))
     text = blueprint.TextLogView(
         origin=TEXT,

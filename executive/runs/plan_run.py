@@ -187,7 +187,7 @@ class Run:
             robot = with_carrying(robot, [(one.link, one.body, one.offset) for one in held], options.long_work)
         advice = self._advise_trust(robot, assessment)
         found += (*robot.diagnostics, *assessment.notes(self.files.plan), *advice)
-        self._context = partial(self._page_context, subject, tuple(found), advice, bool(assessment.missing))
+        self._context = partial(self._page_context, subject, tuple(found), advice, assessment.missing)
         found += notes
         if self._lacks(assessment):
             found += able_robots(self.files, lambda one: not self._assessment(subject, one).missing)
@@ -464,7 +464,7 @@ class Run:
         subject: _Subject,
         notes: Sequence[Diagnostic],
         advice: Sequence[Diagnostic],
-        forced: bool,
+        missing: Sequence[Missing],
         header: Mapping[str, Any],
         context_of: Callable[..., Context],
     ) -> Context:
@@ -474,7 +474,7 @@ class Run:
         several = self._compiled is not None and len(self._compiled.recipes.recipes) > 1
         task = options.task if self._is_by_hand else local_name(self.plan.iri or "") if several else None
         start = tuple(header["start"])
-        command = Text(call_to_pass_on(self.files, task=task, start=start, set=bindings, force=forced))
+        command = Text(call_to_pass_on(self.files, task=task, start=start, set=bindings, force=bool(missing)))
         recipe = file if isinstance(file, RecipeFile) else None
         return replace(
             context_of(self.source, self._compiled, recipe, self.registry.actions, options.folders),

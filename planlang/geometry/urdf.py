@@ -73,12 +73,16 @@ def read_tree(path: Path) -> Element:
     return tree_of(read_content(path))
 
 
-def tree_of(content: bytes, *, texts: bool = False) -> Element:
-    """Parse XML and return its root element, with the text between the tags if ``texts`` is True.
+def tree_of(content: bytes) -> Element:
+    """Parse XML and return its root element; raises :class:`BadXml`."""
+    return _Reader().read(content)
 
-    Raises :class:`BadXml`.
-    """
-    return _Reader(texts).read(content)
+
+def tree_with_texts(content: bytes) -> Element:
+    """Parse XML and return its root element, with the text between the tags; raises :class:`BadXml`."""
+    reader = _Reader()
+    reader.keep_texts()
+    return reader.read(content)
 
 
 def read_content(path: Path) -> bytes:
@@ -96,7 +100,7 @@ def read_content(path: Path) -> bytes:
 
 
 class _Reader:
-    def __init__(self, texts: bool) -> None:
+    def __init__(self) -> None:
         self._root: Element | None = None
         self._open: list[Element] = []
         self._count = 0
@@ -105,10 +109,11 @@ class _Reader:
         self._parser.EndElementHandler = self._end
         self._texts: list[str] = []
         self._has_defaults = False
-        if texts:
-            self._parser.buffer_text = True
-            self._parser.CharacterDataHandler = self._texts.append
         self._parser.EntityDeclHandler = self._entity
+
+    def keep_texts(self) -> None:
+        self._parser.buffer_text = True
+        self._parser.CharacterDataHandler = self._texts.append
 
     def read(self, content: bytes) -> Element:
         self._has_defaults = b"$(optenv" in content

@@ -93,18 +93,22 @@ def _resolved(expression: Expression, names: Names, problems: list[Diagnostic], 
         if len(meant) > 1 and is_class and names.is_of_entries(name):
             return Expression("or", span, parts=tuple(Expression("name", span, iri) for iri in meant))
         if len(meant) != 1:
-            problems.append(_unclear(name, meant, names, span, is_guessed=len(problems) < MOST_GUESSES))
+            guessed = names if len(problems) < MOST_GUESSES else None
+            problems.append(_ambiguous(name, meant, span) if meant else _unknown(name, guessed, span))
         return replace(expression, parts=parts, span=span, term=meant[0] if meant else None)
     if isinstance(term, str) and expression.kind == "name" and not names.knows(term):
         problems.append(error("K002", f"unknown name <{term}>", span))
     return replace(expression, parts=parts, span=span, term=term)
 
 
-def _unclear(name: str, meant: Sequence[str], names: Names, span: Span, *, is_guessed: bool) -> Diagnostic:
-    if meant:
-        advice = "write one of " + ", ".join(f"<{iri}>" for iri in meant[:5])
-        return error("K002", f"{name} has several meanings", span, advice)
-    similar = names.similar(name) if is_guessed else []
+def _ambiguous(name: str, meant: Sequence[str], span: Span) -> Diagnostic:
+    advice = "write one of " + ", ".join(f"<{iri}>" for iri in meant[:5])
+    return error("K002", f"{name} has several meanings", span, advice)
+
+
+def _unknown(name: str, names: Names | None, span: Span) -> Diagnostic:
+    """Error for a name that none of ``names`` is; None: no similar one is looked for."""
+    similar = [] if names is None else names.similar(name)
     guess = f"did you mean {' or '.join(similar)}?" if similar else None
     shown = name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}..."
     return error("K002", f"unknown name {shown}", span, guess)

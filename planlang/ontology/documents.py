@@ -137,7 +137,7 @@ def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
     if syntax is Syntax.GRID:
         return read_map_file(Path(file), base, OCCUPANCY_GRID)
     module, _, name = _READERS[syntax].partition(":")
-    read = getattr(import_module(module), name)
+    read = getattr(import_module(module), name)  # each reader has its parser, which no other syntax needs
     parsed: Parsed
     if syntax is Syntax.URDF:
         parsed = read(Path(file))

@@ -11,4 +11,4 @@ from typing import Any
 
 
 def __getattr__(name: str) -> Any:
-    return getattr(import_module("networkx"), name)
+    return getattr(import_module("networkx"), name)  # late, as said above

@@ -283,7 +283,7 @@ def test_a_compiled_plan_is_told_from_an_edited_one(tmp_path: Path) -> None:
 
 
 def test_a_missing_viewer_package_is_told_before_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("executive.pictures.drawn.find_spec", lambda name: None)
+    monkeypatch.setattr("planlang.extras.find_spec", lambda name: None)
     result = invoke("run", "serve_a_drink", "--record", tmp_path / "run.rrd")
     assert (result.exit_code, codes(result)) == (2, ["C012"])
 

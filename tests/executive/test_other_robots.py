@@ -250,7 +250,7 @@ def test_a_recording_has_the_robot_and_a_cloud_for_each_arm_and_class_of_grasp(t
 def test_without_the_package_a_recording_is_refused_with_how_to_get_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("executive.pictures.drawn.find_spec", lambda name: None)
+    monkeypatch.setattr("planlang.extras.find_spec", lambda name: None)
     result = inspected("amigo", "--record", tmp_path / "reach.rrd")
     assert result.exit_code == 2
     assert "pip install 'rerun-sdk>=0.32'" in result.output
