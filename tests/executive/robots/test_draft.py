@@ -357,7 +357,7 @@ def test_any_text_can_be_a_key_and_a_value_of_the_file(text: str) -> None:
 
 
 SEPARATORS = ("Cc", "Cs", "Zs", "Zl", "Zp")
-LETTERS = st.characters(codec="utf-8", exclude_categories=SEPARATORS, exclude_characters="<&\"'")
+LETTERS = st.characters(codec="utf-8", exclude_categories=SEPARATORS, exclude_characters="<&\"'$")
 
 
 @settings(max_examples=examples(50), suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
