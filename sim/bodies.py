@@ -199,17 +199,20 @@ class Bodies:
                 shape = bullet.GEOM_SPHERE
                 solid |= {"radius": max(x, y) / 2}
                 visual |= {"radius": max(x, y) / 2}
-        is_away = index in self.hidden or piece.body in self.removed
         uid = int(
             bullet.createMultiBody(
                 0,
                 bullet.createCollisionShape(shape, **solid),
                 bullet.createVisualShape(shape, **visual) if self.shown else -1,
-                basePosition=_AWAY if is_away else piece.pose.position,
-                baseOrientation=(0, 0, 0, 1) if is_away else piece.pose.orientation,
+                basePosition=_AWAY,
                 physicsClientId=self.client,
             )
         )
+        if index not in self.hidden and piece.body not in self.removed:
+            # Not placed as it is made: that gives other last digits than placing it later, after a hypothesis.
+            bullet.resetBasePositionAndOrientation(
+                uid, piece.pose.position, piece.pose.orientation, physicsClientId=self.client
+            )
         piece.uid, self._index[uid], self._made[index] = uid, index, True
         self._making = None
         return uid

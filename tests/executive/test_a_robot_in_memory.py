@@ -179,14 +179,7 @@ class Tiring(MemoryRobot):
 
 @pytest.mark.parametrize(
     ("group", "kind"),
-    some(
-        [
-            ("base", NavigationFailure),
-            ("right", ManipulationFailure),
-            ("gripper of right", ManipulationFailure),
-        ],
-        every=3,
-    ),
+    some([("base", NavigationFailure), ("right", ManipulationFailure)], every=2),
 )
 def test_a_motion_that_a_robot_does_not_make_is_a_failure_that_says_why(
     group: str, kind: type[PlanFailure], served: Callable[[type[MemoryRobot]], MemoryRobot]
@@ -197,6 +190,13 @@ def test_a_motion_that_a_robot_does_not_make_is_a_failure_that_says_why(
     found = [one for one in caught.value.chain() if "motor 3 is off" in one.message]
     assert found
     assert isinstance(found[-1], kind)
+
+
+@pytest.mark.long
+def test_a_gripper_that_never_moves_is_given_up_for_the_other_hand(
+    served: Callable[[type[MemoryRobot]], MemoryRobot],
+) -> None:
+    assert served(type("Tired", (Tiring,), {"tired": "gripper of right", "times": 1000})).given
 
 
 def test_a_motion_that_a_robot_does_not_make_is_made_again(served: Callable[[type[MemoryRobot]], MemoryRobot]) -> None:
