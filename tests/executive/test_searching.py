@@ -157,7 +157,8 @@ def test_with_vision_stopped_nothing_is_seen_until_it_runs_again(stage: Stage) -
 
 @pytest.mark.long
 def test_without_a_model_of_its_class_a_thing_is_not_recognised(stage: Stage) -> None:
-    stage.belief.recognition.classes = ()
+    memory = stage.belief.memory
+    stage.belief.memory = replace(memory, recognition=replace(memory.recognition, classes=()))
     looking = action("Perceiving", object_acted_on=A_BOTTLE)
 
     async def plan() -> None:
