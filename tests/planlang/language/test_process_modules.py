@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from planlang import Action, PlanFailure, VirtualHost, action, process_module, run
-from planlang.language.process_module import ModuleOnce, is_marked
+from planlang.language.process_module import ModuleOnce, is_marked, stated_as_before
 
 
 class Stirring:
@@ -53,3 +53,9 @@ def test_what_a_module_lacks_is_named() -> None:
 def test_a_module_that_works_once_works_as_others_do_where_nothing_is_recorded(once: bool) -> None:
     module = ModuleOnce(type("Stirring", (Stirring,), {"once": once})())
     assert run(lambda: module.execute(action("Stirring")), host=VirtualHost()) == "stirred"
+
+
+def test_a_module_that_states_attributes_of_earlier_versions_is_known_by_them() -> None:
+    pouring = process_module(type("Pouring", (Stirring,), {"physical": True, "by_hand": False}))
+    assert stated_as_before(pouring()) == ("physical",)
+    assert stated_as_before(Stirring()) == ()
