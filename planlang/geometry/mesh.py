@@ -18,7 +18,7 @@ from planlang.files import LFS_POINTER, NOT_FETCHED, encoding_of, open_regular, 
 from planlang.geometry.collada import BadCollada, shapes_of
 from planlang.geometry.matrices import Array
 from planlang.geometry.polygons import Faces, fans
-from planlang.geometry.urdf import BadXml, tree_with_texts
+from planlang.geometry.urdf import BadXml, tree_of
 from planlang.records import dataclass
 
 SUFFIXES = (".obj", ".stl", ".dae")
@@ -149,7 +149,7 @@ def _read_stl(content: bytes) -> Mesh:
 
 def _read_collada(content: bytes) -> Mesh:
     try:
-        placed = list(shapes_of(tree_with_texts(content), MOST_VERTICES))
+        placed = list(shapes_of(tree_of(content), MOST_VERTICES))
     except (BadXml, BadCollada) as problem:
         raise BadMesh(str(problem)) from None
     first = np.cumsum([0, *(len(vertices) for vertices, _ in placed)]).tolist()

@@ -74,15 +74,8 @@ def read_tree(path: Path) -> Element:
 
 
 def tree_of(content: bytes) -> Element:
-    """Parse XML and return its root element; raises :class:`BadXml`."""
-    return _Reader().read(content)
-
-
-def tree_with_texts(content: bytes) -> Element:
     """Parse XML and return its root element, with the text between the tags; raises :class:`BadXml`."""
-    reader = _Reader()
-    reader.keep_texts()
-    return reader.read(content)
+    return _Reader().read(content)
 
 
 def read_content(path: Path) -> bytes:
@@ -110,8 +103,6 @@ class _Reader:
         self._texts: list[str] = []
         self._has_defaults = False
         self._parser.EntityDeclHandler = self._entity
-
-    def keep_texts(self) -> None:
         self._parser.buffer_text = True
         self._parser.CharacterDataHandler = self._texts.append
 
