@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field
 from html import escape
 from os import PathLike
@@ -106,8 +106,8 @@ class Located:
     """True if the robot lacks the required part; then nothing was searched."""
     units: tuple[str, ...] = ()
     """Units of numbers in ``str()``, if other than m and rad."""
-    sheet: Sheet | None = field(default=None, repr=False, compare=False)
-    """The drawing, if requested."""
+    draw: Callable[[], Sheet] | None = field(default=None, repr=False, compare=False)
+    """Draws the candidates; None if no poses were searched."""
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -159,21 +159,21 @@ class Located:
 
         ``force`` overwrites a file that planlang did not write. Raises BadInput if the file cannot be written.
         """
-        if self.sheet is None:
+        if self.draw is None:
             raise BadInput([error("C041", "nothing to draw: no poses were searched", help=str(self))])
-        target, sheet = Path(path), self.sheet
+        target = Path(path)
         problems = check_outputs({"picture": target}, {}, formats={"picture": PNG_OR_SVG}, force=force)
         if problems:
             raise BadInput(problems)
-        write_complete(target, sheet.save)
+        write_complete(target, self.draw().save)
         return target
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
         """Picture and table of the poses, for notebooks."""
         bundle = {"text/plain": str(self)}
-        if self.sheet is not None:
+        if self.draw is not None:
             content = io.BytesIO()
-            self.sheet.finished().save(content, format="PNG")
+            self.draw().finished().save(content, format="PNG")
             picture = base64.b64encode(content.getvalue()).decode("ascii")
             rows = [[_rounded(value) for value in row.values()] for row in self.rows]
             poses = table([*self.rows[0]], rows) if rows else ""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import field, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -70,13 +71,13 @@ class _Files:
 
 
 def locate(options: LocateOptions, *, long_work: Report = unreported, waiting: Waiting = unwatched) -> Located:
-    """Find poses that match a phrase, and draw the candidates; ``explain`` also writes the drawing.
+    """Find poses that match a phrase; ``explain`` writes a drawing of the candidates.
 
     ``long_work`` gets the progress of building reachability maps; ``waiting`` is entered while poses are searched.
-    Drawing takes a fraction of a second. Raises BadInput for invalid input.
+    Raises BadInput for invalid input.
     """
     found = _located(options, long_work, waiting)
-    if options.explain is not None and found.sheet is not None:
+    if options.explain is not None and found.draw is not None:
         found.picture(options.explain, force=True)
     return found
 
@@ -106,7 +107,7 @@ def _located(options: LocateOptions, long_work: Report, waiting: Waiting) -> Loc
         try:
             question = _Question(location, what, lexicon, platform, meant, diagnostics)
             located, log = _resolved(question, options, waiting)
-            return replace(located, sheet=_drawing(located, log, question, options))
+            return replace(located, draw=_drawing(located, log, question, options))
         except LocationMeaningless as problem:
             raise BadInput([*diagnostics, *_of_no_place(problem, location, what, lexicon)]) from None
         except MissingCapability as problem:
@@ -169,7 +170,7 @@ def _resolved(question: _Question, options: LocateOptions, waiting: Waiting) -> 
     return located, log
 
 
-def _drawing(located: Located, log: Rejections, question: _Question, options: LocateOptions) -> Sheet:
+def _drawing(located: Located, log: Rejections, question: _Question, options: LocateOptions) -> Callable[[], Sheet]:
     refused = [*log.refused, *((reason, hands) for reason, hands in log.hands if reason)]
     why = "" if located.failure is None else located.failure.message.partition(" (")[0]  # counts are listed
     resolution = Resolution(
@@ -184,7 +185,8 @@ def _drawing(located: Located, log: Rejections, question: _Question, options: Lo
         why,
     )
     scene = question.platform.scene
-    return picture(scenery_of(scene, question.location, question.meant.values(), question.body), resolution)
+    scenery = scenery_of(scene, question.location, question.meant.values(), question.body)
+    return partial(picture, scenery, resolution)
 
 
 def _meant(
