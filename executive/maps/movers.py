@@ -15,6 +15,8 @@ from sim.scene import BodyShape
 
 SPEED = 0.3
 """Speed of a robot of which the map states none [m/s]."""
+MOST = 1000.0
+"""Length of a route beyond which a number in it is surely wrong [m]; places on routes are compared one by one."""
 
 
 def movers_of(bodies: Sequence[Body], semantic_map: SemanticMap, notes: list[Diagnostic]) -> Iterator[Mover]:
@@ -36,4 +38,9 @@ def movers_of(bodies: Sequence[Body], semantic_map: SemanticMap, notes: list[Dia
             continue
         said = stated(ontology, body.iri, "drivingSpeed")
         speed = None if said is None else length(said, notes)
-        yield Mover(body.name, tuple(route), speed if speed is not None and speed > 0 else SPEED)
+        mover = Mover(body.name, tuple(route), speed if speed is not None and speed > 0 else SPEED)
+        if mover.length > MOST:
+            message = f"{body.name} does not move: its route is {mover.length:.0f} m long, at most {MOST:.0f} m"
+            notes.append(warning("M002", message, triple.span))
+            continue
+        yield mover

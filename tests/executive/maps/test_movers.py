@@ -26,7 +26,7 @@ def test_a_robot_drives_from_where_it_is_to_the_points_of_its_route(
     assert not scene.body("porter").movable
 
 
-@pytest.mark.parametrize("route", ["2 1 3", "0 1", "two one"])
+@pytest.mark.parametrize("route", ["2 1 3", "0 1", "two one", "900000 1"])
 def test_a_route_that_leads_nowhere_is_reported_and_the_robot_stands(
     map_of: Read, thing: Write, seen: Write, route: str
 ) -> None:
