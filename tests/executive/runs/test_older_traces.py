@@ -41,6 +41,11 @@ def left_in(trace: Path) -> Iterator[dict[str, Any]]:
     return (record["left"] for record in records if record["event"] == "completed" and "left" in record)
 
 
+def what_and_when(pose: Any) -> tuple[Any, ...]:
+    """Return what a pose is of and when, without its numbers."""
+    return pose.step, pose.frame, pose.child, pose.by
+
+
 def test_show_tells_the_same_of_an_older_trace_and_of_one_of_the_same_run_now(served: Served) -> None:
     assert RecordedRun.read(SERVED).header["schema"] == OLDEST < SCHEMA
     assert shown(SERVED) == shown(served.trace)
@@ -69,7 +74,10 @@ def test_the_experience_of_an_older_trace_is_that_of_the_same_run_now(served: Se
         activities.append(
             len(read_narrative((tmp_path / name / "narrative.ttl").read_bytes(), "narrative.ttl").activities)
         )
-    assert poses[0] == poses[1]
+    # The older trace came from another processor: vector instructions differ in the last digits of a pose.
+    assert [what_and_when(pose) for pose in poses[0]] == [what_and_when(pose) for pose in poses[1]]
+    for old, new in zip(*poses, strict=True):
+        assert (*new.position, *new.orientation) == pytest.approx((*old.position, *old.orientation), abs=1e-9)
     assert activities[0] == activities[1] > 0
 
 
