@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from functools import cached_property
 
@@ -12,7 +11,7 @@ import numpy as np
 from executive.belief.floor import Floor
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.changes import MOST_TRIED, Changes, IsFeasible, with_supports
+from executive.locations.changes import Changes, IsFeasible, with_supports
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Stage, candidates_of, narrowest, narrowest_grip
 from executive.locations.inverse_maps import InverseMaps
@@ -29,7 +28,6 @@ from executive.locations.rejections import (
     Rejections,
 )
 from executive.locations.standing import AROUND, floor_near
-from executive.motion import clearance_at
 from executive.robots.arms import ArmModel, called
 from executive.robots.openings import REMEDY
 from planlang.records import dataclass
@@ -46,8 +44,6 @@ BETWEEN_FINGERS = 0.003
 APPROACHES = {GraspClass.SIDE: "from the side", GraspClass.TILTED: "at a slant", GraspClass.TOP: "from above"}
 NEARER = "; its base is fixed: move that nearer, or start the robot nearer to it"
 """What helps a robot that does not drive."""
-BESIDE = 1.0
-"""Distance from a thing beyond which a body cannot be what leaves a hand no room [m]."""
 
 
 def explain_bases(
@@ -77,25 +73,14 @@ def explain_bases(
         NO_WAY: explanation.no_way,
     }
     measured = makers[reason]() if reason in makers else ""
-    sentences = [measured]
+    helping = ""
     # what closes the way is named already, and nothing that is done to the thing opens it
-    is_closed = reason == NO_WAY and explanation.closing is not None
-    changes = None
-    if is_feasible is not None and not is_closed:
-        changes = Changes(wanted[0].body, scene, log, is_feasible, needed=needed)
-    if changes is not None and (helping := changes.helping()):
-        sentences.append(helping)
-    elif excluded := explanation.excluded():
-        sentences = [excluded]
-    else:
-        slips = log.counts[NO_HOLD.text] or (changes is not None and changes.meanwhile.counts[NO_HOLD.text])
-        if slips and (slippery := explanation.no_hold()):
-            sentences = [slippery]
-        else:
-            blocked = explanation.hands_blocked() if reason == NO_ROOM else ""
-            sentences = [blocked, measured, explanation.nearer(), "" if changes is None else changes.in_vain()]
-    if any(sentences):
-        log.figures[reason] = "; ".join(filter(None, sentences))
+    if is_feasible is not None and not (reason == NO_WAY and explanation.closing is not None):
+        helping = Changes(wanted[0].body, scene, log, is_feasible, needed=needed).helping()
+    if not helping and (instead := explanation.excluded() or explanation.no_hold()):
+        measured = instead
+    if measured or helping:
+        log.figures[reason] = "; ".join(filter(None, (measured, helping)))
 
 
 def explain_hands(reach: Reach, arm: ArmModel, scene: PlanningScene, inverse: InverseMaps, log: Rejections) -> None:
@@ -264,8 +249,8 @@ class _Explanation:
         return float(np.hypot(*(floor_near(block, floor) - block.centre[:2]).T).min(initial=np.inf))
 
     def no_hold(self) -> str:
-        """Compare the width of the thing with the opening of the hands."""
-        if self.reach.kind is not ReachKind.GRASP:
+        """Compare the width of the thing with the opening of the hands, if some of them do not hold it."""
+        if self.reach.kind is not ReachKind.GRASP or not self.log.counts[NO_HOLD.text]:
             return ""
         part, grip = narrowest_grip(self.reach.body, self.scene.bodies.grips(self.reach.body))
         wide = narrowest(grip)
@@ -286,7 +271,7 @@ class _Explanation:
         )
 
     def in_collision(self) -> str:
-        """Name the body that a hand or arm would collide with, and its distance from the thing."""
+        """Name the body that a hand or arm would collide with most often."""
         if not self.log.blocking:
             return ""
         body, number = next(iter(self.log.ordered_blocking().items()))
@@ -297,96 +282,13 @@ class _Explanation:
             obstacle = f"a wall of {body}"
         total = sum(self.log.counts.values())
         share = f"all {total}" if number == total else f"{number} of {total}"
-        sentence = f"in {share} ways to reach {self.reach.body} the robot would hit {obstacle}"
-        if self.reach.kind is ReachKind.PLACE and self.reach.inside and (beyond := self._from_the_side()):
-            return f"{sentence}; {beyond}"
-        gap = self._beside(body)
-        return sentence if gap is None else f"{sentence}, {gap:.2f} m away from it"
-
-    def hands_blocked(self) -> str:
-        """Name the body that most collisions are with, and the link of the hand; "" if nothing collides."""
-        collisions, by_body = self.log.counts[COLLISION], self.log.ordered_blocking()
-        body, number = next(((one, k) for one, k in by_body.items() if k <= collisions), ("", 0))
-        if not body:
-            return ""
-        itself = f"{body} itself" if body == self.reach.body else body
-        if body not in self.scene.bodies.names():
-            return f"the robot would touch its own {body} in {number} of the {collisions} places in collision"
-        link = self._link_touching(body)
-        who = f"the hand ({link})" if link else "the hand or the arm"
-        return f"{who} would touch {itself} in {number} of the {collisions} places in collision"
-
-    def _link_touching(self, body: str) -> str:
-        """Find the link that most often touches a body when the hand is at the grasp candidates; "" if none does."""
-        touching = Counter[str]()
-        for arm in self.arms:
-            for table in candidates_of(self.reach, arm, self.scene, Rejections(), Stage.ALL):
-                tips = table.poses(np.arange(len(table))).reshape(-1, 4, 4)
-                check = self.scene.collisions.arm_check(arm, table.touches, table.fingers)
-                touching.update(check.hand_parts(tips, body))
-        return min(touching, key=lambda link: (-touching[link], link), default="")
-
-    def _from_the_side(self) -> str:
-        """Describe the heights at which arms put something into furniture from the side, if these decide."""
-        block = self.scene.bodies.block(self.reach.body)
-        spans = [(span, arm.name) for arm in self.arms if (span := self._heights_of(arm, GraspClass.SIDE)) is not None]
-        if not spans:
-            return ""
-        (low, _), lowest = min(spans)
-        high, highest = max((span[1], name) for span, name in spans)
-        if block.high < low:
-            return (
-                f"{self.reach.body} ends at {block.high:.2f} m, and {called(lowest)} reaches from the side "
-                f"down to {low:.2f} m"
-            )
-        if block.low > high:
-            return (
-                f"{self.reach.body} begins at {block.low:.2f} m, and {called(highest)} reaches from the side "
-                f"up to {high:.2f} m"
-            )
-        return ""
-
-    def _beside(self, body: str) -> float | None:
-        """Horizontal distance between a body and the thing at the thing's height; None if that is large."""
-        boxes, names = self.scene.collisions.boxes_but(())
-        rows = np.flatnonzero([name == body for name in names])
-        fixed = {self.reach.body, self.scene.bodies.support(self.reach.body), *self._furniture()}
-        if not len(rows) or body in fixed:
-            return None
-        block = self.scene.bodies.block(self.reach.body)
-        over = ((block.low + 1e-3, block.high + 0.1, 0.0),)
-        gap = float(clearance_at([[block.x, block.y]], boxes.only(rows), over)[0]) - max(block.half_x, block.half_y)
-        return gap if LEAST < gap < BESIDE else None
-
-    def _furniture(self) -> set[str]:
-        """Parts of the furniture that contains the thing: between these nothing can be moved away."""
-        joints, body = self.scene.belief.joints.values(), self.reach.body
-        holders = {one.holder for one in joints if not {body, self.scene.bodies.support(body)}.isdisjoint(one.bodies)}
-        return {name for one in joints if one.holder in holders for name in (*one.bodies, one.holder or "")}
+        return f"in {share} ways to reach {self.reach.body} the robot would hit {obstacle}"
 
     def no_room(self) -> str:
         """Describe how near the base gets."""
         if self.reach.kind is ReachKind.OFFER:
             return ""
         return self._nearest(self._gap(self.scene.collisions.floor()))
-
-    def nearer(self) -> str:
-        """Name the body without which the base would get nearer, and how near; "" if there is none."""
-        if self.reach.kind is ReachKind.OFFER or NO_ROOM not in self.log.counts:
-            return ""
-        now = self._gap(self.scene.collisions.floor())
-        better = [(gap, body) for body, gap in self._without() if gap < now - CELL]
-        return f"without {min(better)[1]} it would get to {min(better)[0]:.2f} m" if better else ""
-
-    def _without(self) -> Iterator[tuple[str, float]]:
-        fixed = self._fixed()
-        for body in [one for one in self.log.ordered_blocking() if one not in fixed][:MOST_TRIED]:
-            yield body, self._gap(self.scene.collisions.floor_without(body))
-
-    def _fixed(self) -> set[str]:
-        """Collect the bodies that nobody can leave out: rooms, what the hand goes to, and what the task needs."""
-        bodies = self.scene.bodies
-        return {*with_supports({self.reach.body, *self._needed}, bodies), *filter(bodies.is_room, bodies.names())}
 
     def excluded(self) -> str:
         """Return that a relation of the location leaves none of the candidates; "" if others left some out, too."""
@@ -406,8 +308,7 @@ class _Explanation:
         """Body without which the base could drive to where arms reach the thing; None if there is none."""
         block = self.scene.bodies.block(self.reach.body)
         place = np.array([block.x, block.y])
-        return self.scene.collisions.closes_way(place, self.inverse_reach(), self._fixed())
-
-    def inverse_reach(self) -> float:
-        """Greatest distance from the centre of the base that any of the arms reaches [m]."""
-        return max(self.inverse(arm, grasp).reach for arm in self.arms for grasp in CLASSES)
+        bodies, within = self.scene.bodies, max(self.inverse(arm, one).reach for arm in self.arms for one in CLASSES)
+        # nobody can leave out rooms, what the hand goes to, and what the task needs
+        fixed = {*with_supports({self.reach.body, *self._needed}, bodies), *filter(bodies.is_room, bodies.names())}
+        return self.scene.collisions.closes_way(place, within, fixed)

@@ -45,7 +45,7 @@ from executive.locations.questions import (
     Findings,
     Question,
 )
-from executive.locations.rejections import NOT_LOOKED_AT, NOT_VISIBLE, Rejections
+from executive.locations.rejections import NOT_VISIBLE, Rejections
 from executive.locations.search import search_bases
 from executive.locations.validation import BaseValidator, unmet
 from executive.robots.arms import ArmModel
@@ -160,23 +160,22 @@ class Resolver:
             watcher(location, log)
         return Question(log)
 
-    def _is_feasible(self, location: Location, common: Findings, scene: PlanningScene, log: Rejections) -> bool:
+    def _is_feasible(self, location: Location, common: Findings, scene: PlanningScene) -> bool:
         """Check quickly whether a location has a base pose in a scene that is supposed.
 
         ``common`` has what all these searches share: exact checks that are left, and whether the floor is walled.
         """
         if common.allowance.is_spent:
-            log.add(NOT_LOOKED_AT)
             return False
         demand = base_demand(location, scene, self._viewer(location))
-        return _has_base(self.supposing(scene)._validator, demand, common, log)
+        return _has_base(self.supposing(scene)._validator, demand, common)
 
     def _excluding(self, demand: BaseDemand, common: Findings, log: Rejections) -> Region | Facing | Clear | None:
         """Find the conjunct about the floor without which there would be a base pose; None if there is none."""
         areas = [area for area in demand.areas if log.counts[unmet(area)]]
         for area in areas if demand.reaches or demand.seen or len(demand.areas) > 1 else ():
             others = replace(demand, areas=tuple(one for one in demand.areas if one != area))
-            if not common.allowance.is_spent and _has_base(self._validator, others, common, Rejections()):
+            if not common.allowance.is_spent and _has_base(self._validator, others, common):
                 return area
         return None
 
@@ -339,13 +338,11 @@ class Resolver:
         return self._viewers.get(location, (x, y))
 
 
-def _has_base(validator: BaseValidator, demand: BaseDemand, common: Findings, log: Rejections) -> bool:
-    """Check quickly whether demands have a base pose, and count why others are rejected."""
+def _has_base(validator: BaseValidator, demand: BaseDemand, common: Findings) -> bool:
+    """Check quickly whether demands have a base pose."""
     tried = Question(known=Findings(common.allowance, walled=common.walled))
     with closing(search_bases(validator, demand, tried, [], most=EASY)) as found:
-        is_found = next(found, None) is not None
-    log.include(tried.log)
-    return is_found
+        return next(found, None) is not None
 
 
 def _names_a_side(location: Location) -> bool:

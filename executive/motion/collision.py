@@ -108,12 +108,6 @@ class QuickCheck:
         """
         return self._first(self._limit, self._hand_frames(tips), self._hand_pairs)
 
-    def hand_parts(self, tips: Array, obstacle: str) -> list[str]:
-        """List the links of the hand that hit an obstacle with the tip at poses (n, 4, 4), once for each pose."""
-        pairs, rows, *_ = self._near(self._limit, self._hand_frames(tips), self._hand_pairs)
-        hits = dict.fromkeys(zip(pairs.tolist(), rows.tolist(), strict=True))
-        return [part for part, name in (self._pair(pair) for pair, _ in hits) if name == obstacle]
-
     def _hand_frames(self, tips: Array) -> Array:
         frames = np.zeros((FIRST_JOINT + len(self._chain.carriers), 3, 4, len(tips)))
         frames[MAP] = np.eye(3, 4)[..., None]
