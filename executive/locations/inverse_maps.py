@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -162,15 +161,7 @@ class InverseMap:
 
 
 _prepared: dict[tuple[object, ...], InverseMap] = {}
-
-
-def inverse_map(facts: tuple[object, ...], prepare: Callable[[], InverseMap]) -> InverseMap:
-    """Get a prepared map, shared in the process by all arms with the same ``facts``."""
-    if facts not in _prepared:
-        while len(_prepared) >= MOST_MAPS:
-            del _prepared[next(iter(_prepared))]
-        _prepared[facts] = prepare()
-    return _prepared[facts]
+"""Maps that all arms of the process with the same kinematics share."""
 
 
 class InverseMaps:
@@ -186,7 +177,11 @@ class InverseMaps:
         key = (arm.name, grasp)
         if key not in self._known:
             facts = (arm.solver.chain.digest, arm.lift, arm.frame, arm.seeds.tobytes(), grasp)
-            self._known[key] = inverse_map(facts, partial(self._prepare, arm, grasp))
+            if facts not in _prepared:
+                while len(_prepared) >= MOST_MAPS:
+                    del _prepared[next(iter(_prepared))]
+                _prepared[facts] = self._prepare(arm, grasp)
+            self._known[key] = _prepared[facts]
         return self._known[key]
 
     def _prepare(self, arm: ArmModel, grasp: GraspClass) -> InverseMap:

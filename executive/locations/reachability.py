@@ -40,7 +40,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from executive.motion import Chain, InverseKinematics
-from executive.robots.arms import ArmModel, HandFrame, Lift
+from executive.robots.arms import ArmModel, HandFrame
 from planlang.geometry import Array
 from planlang.records import dataclass
 
@@ -124,28 +124,28 @@ class ReachabilityMap:
 
     def tiers(self, z: float) -> tuple[tuple[float, int, int], ...]:
         """List torso positions as in :meth:`heights`, each with level and offset of the rows: see :attr:`offsets`."""
-        if self.lift is None:
-            level = self._nearest(z)
+        if self.arm.lift is None:
+            level = round(z / CELL)
             return ((0.0, level, 0),) if len(self._level(level)) else ()
-        most = float(self.lift.rise(self.lift.highest))
+        most = float(self.arm.lift.rise(self.arm.lift.highest))
         levels = range(math.ceil((z - most) / CELL - 1e-9), math.floor(z / CELL + 1e-9) + 1)
         found = [(z - CELL * level, level, 0) for level in levels if self._has(level, 0)]
         if not len(levels):  # it rises by less than a cell
-            nearest = self._nearest(z - most / 2)
+            nearest = round((z - most / 2) / CELL)
             found = [(z - CELL * nearest, nearest, 0)] if self._has(nearest, 0) else []
         for level, offset in self.raised:
             rise = z - CELL * level - LEVELLED * offset
             if -LEVELLED / 2 <= rise <= most + LEVELLED / 2:
                 found.append((rise, level, offset))
         return tuple(
-            (float(self.lift.position(min(max(rise, 0.0), most))), level, offset)
+            (float(self.arm.lift.position(min(max(rise, 0.0), most))), level, offset)
             for rise, level, offset in sorted(found)
         )
 
     @cached_property
     def offsets(self) -> Index:
         """Heights of rows (n,) above their levels, in steps of :data:`LEVELLED`: 0 on the lattice."""
-        if not is_bound(self.arm) or self.lift is None:
+        if not is_bound(self.arm) or self.arm.lift is None:
             return np.zeros(len(self), np.intp)
         chain = carried(self.arm)
         heights = chain.fk(self.postures)[self.rows["posture"], 2, 3] if len(self) else np.zeros(0)
@@ -169,13 +169,16 @@ class ReachabilityMap:
         """Compute joint values (m, d) of rows (m,), in the order of the arm's joints, at one torso position or (m,)."""
         chosen = np.asarray(rows, np.intp)
         q = self.postures[self.rows["posture"][chosen]] if is_bound(self.arm) else self._exact(chosen)
-        return q if self.lift is None else np.insert(q, self.lift.column, np.asarray(torso, float), axis=1)
+        return q if self.arm.lift is None else np.insert(q, self.arm.lift.column, np.asarray(torso, float), axis=1)
 
     def _exact(self, rows: Index) -> Array:
         """Solve for joint values (m, d) at the poses of rows (m,), without the lift; results are cached."""
         new = np.unique(rows[~self._is_solved[rows]])
         if len(new):
-            lowest, near = 0.0 if self.lift is None else self.lift.lowest, self.postures[self.rows["posture"][new]]
+            lowest, near = (
+                0.0 if self.arm.lift is None else self.arm.lift.lowest,
+                self.postures[self.rows["posture"][new]],
+            )
             # each converged when the map was built
             solver = InverseKinematics(carried(self.arm))
             self._solved[new], _ = solver.solve(self.poses(new, lowest), near[:, None])
@@ -228,11 +231,6 @@ class ReachabilityMap:
             return np.zeros(2, np.intp), np.ones(2, np.intp)
         return places[0], np.maximum(np.gcd.reduce(np.abs(np.diff(places, axis=0))), 1)
 
-    @property
-    def lift(self) -> Lift | None:
-        """Torso that lifts the arm straight up, if any."""
-        return self.arm.lift
-
     @cached_property
     def lowest_level(self) -> int:
         """Level of the lowest rows."""
@@ -257,10 +255,7 @@ class ReachabilityMap:
         return row_keys(self.rows)
 
     def _rise(self, torso: ArrayLike) -> Any:
-        return 0.0 if self.lift is None else self.lift.rise(torso)
-
-    def _nearest(self, z: float) -> int:
-        return round(z / CELL)
+        return 0.0 if self.arm.lift is None else self.arm.lift.rise(torso)
 
     def _level(self, level: int) -> range:
         """Rows of a level."""

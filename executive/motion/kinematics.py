@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from executive.motion.joint_ranges import JointRanges
-from executive.motion.symbolic import ROTATION_WEIGHT, RowFunction, SymbolicChain, Variable
+from executive.motion.symbolic import ROTATION_WEIGHT, ChainFunctions, Variable
 from planlang.geometry import Array
 from planlang.geometry.matrices import product, rotated
 from planlang.geometry.urdf import KINDS, Joint, NoSuchChain, displacement, joints_between, read_urdf
@@ -150,8 +150,7 @@ class Chain(JointRanges):
         if known is None:
             while len(_FUNCTIONS) >= MOST_CHAINS:
                 del _FUNCTIONS[next(iter(_FUNCTIONS))]
-            symbolic = SymbolicChain.of(self._joints, self._variables, self.dof)
-            known = _FUNCTIONS[self.digest] = ChainFunctions(symbolic, *self.bounds)
+            known = _FUNCTIONS[self.digest] = ChainFunctions(self._joints, self._variables, *self.bounds)
         return known
 
     def fk(self, q: ArrayLike) -> Array:
@@ -263,38 +262,6 @@ class Chain(JointRanges):
         if rows.ndim != 2 or rows.shape[1] != self.dof:
             raise ValueError(f"expected configurations (n, {self.dof}) of {self.names}, got shape {np.shape(q)}")
         return rows
-
-
-class ChainFunctions:
-    """Functions of one chain on casadi's virtual machine, each built on first use."""
-
-    def __init__(self, symbolic: SymbolicChain, lower: Array, upper: Array) -> None:
-        """Create the functions; ``lower`` and ``upper`` (d,) are infinite for continuous joints."""
-        self.symbolic, self._lower, self._upper = symbolic, lower, upper
-
-    @cached_property
-    def tip(self) -> RowFunction:
-        """Forward kinematics of the tip."""
-        return RowFunction(self.symbolic.tip_function())
-
-    @cached_property
-    def jacobian(self) -> RowFunction:
-        """The Jacobian of the tip."""
-        return RowFunction(self.symbolic.jacobian_function())
-
-    @cached_property
-    def frames(self) -> RowFunction:
-        """Forward kinematics of all moving links."""
-        return RowFunction(self.symbolic.frames_function())
-
-    @cached_property
-    def step(self) -> RowFunction:
-        """One step of inverse kinematics."""
-        return RowFunction(self.symbolic.step_function(self._lower, self._upper))
-
-    def within(self, q: Array) -> Array:
-        """Clamp configurations (d, n) to the limits."""
-        return np.minimum(np.maximum(q, self._lower[:, None]), self._upper[:, None])
 
 
 _FUNCTIONS: dict[str, ChainFunctions] = {}
