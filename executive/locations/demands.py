@@ -156,52 +156,43 @@ def thing_demand(location: Location, thing: str, scene: PlanningScene, viewer: V
     check_consistent(location, "thing")
     bodies, viewer = scene.bodies, viewpoint(location, scene) or viewer
     radius, taken = max(bodies.size(thing)[:2]) / 2, bodies.is_held(thing)
-    rests: list[Rest] = []
-    areas: list[Region] = []
-    people: list[tuple[str, bool]] = []
-    neither: list[tuple[str, bool]] = []
-    supports: list[str] = []
+    rests, supports = list[Rest](), list[str]()
+    others: list[tuple[Rest | InZone | Region | None, bool]] = []
     for relation in filter(_limits, location.relations):
         term, kind = _bound(relation, "thing", scene, viewer), RELATIONS[relation.name]
         demand = kind.thing(term, bodies, radius)
         if thing in term.bodies and not (taken and not isinstance(demand, Rest | InZone)):
             raise meaningless(relation, relation, f" relates {thing} to itself: state its place by other things")
-        match demand:
-            case Rest() if not relation.negated:
-                rests.append(demand)
-            case Rest(body, inside):
-                neither.append((body, inside))
-            case InZone(person):
-                people.append((person, not relation.negated))
-            case region if region is not None:
-                areas.append(region)
-                supports.extend(kind.supports(term, bodies))
+        supports.extend(kind.supports(term, bodies))
+        if isinstance(demand, Rest) and not relation.negated:
+            rests.append(demand)
+        else:
+            others.append((demand, relation.negated))
     if len({rest.body for rest in rests}) > 1:
         named = " and ".join(dict.fromkeys(rest.body for rest in sorted(rests, key=lambda rest: rest.inside)))
         raise contradictory(location, f"a thing can rest in one place only, not in {named}")
     on, into = ([rest.body for rest in rests if rest.inside is inner] for inner in (False, True))
-    if not on and not into and not people:  # a thing beside a body rests on that body's support
+    demanded = _besides(others)
+    if not on and not into and not demanded.people:  # a thing beside a body rests on that body's support
         on = supports
-    where = on[0] if on else None, into[0] if into else None
-    return ThingDemand(*where, tuple(areas), tuple(people), tuple(neither))
+    return replace(demanded, on=on[0] if on else None, inside=into[0] if into else None)
 
 
 def put_demand(reach: Reach, thing: str, scene: PlanningScene) -> ThingDemand:
     """Derive the demands of PLACE on the held object, given by name."""
     radius = max(scene.bodies.size(thing)[:2]) / 2
-    areas: list[Region] = []
-    people: list[tuple[str, bool]] = []
-    neither: list[tuple[str, bool]] = []
-    for term in reach.also:
-        match RELATIONS[term.name].thing(term, scene.bodies, radius):
-            case InZone(person):
-                people.append((person, not term.negated))
-            case Rest(body, inside):
-                neither.append((body, inside))
-            case area if area is not None:
-                areas.append(area)
-    on, into = (None, reach.body) if reach.inside else (reach.body, None)
-    return ThingDemand(on, into, tuple(areas), tuple(people), tuple(neither))
+    besides = _besides((RELATIONS[term.name].thing(term, scene.bodies, radius), term.negated) for term in reach.also)
+    return replace(besides, inside=reach.body) if reach.inside else replace(besides, on=reach.body)
+
+
+def _besides(demands: Iterable[tuple[Rest | InZone | Region | None, bool]]) -> ThingDemand:
+    """Collect demands on an object, each with its negation, besides where it rests."""
+    each = list(demands)
+    return ThingDemand(
+        areas=tuple(one for one, _ in each if one is not None and not isinstance(one, Rest | InZone)),
+        people=tuple((one.person, not negated) for one, negated in each if isinstance(one, InZone)),
+        neither=tuple((one.body, one.inside) for one, _ in each if isinstance(one, Rest)),
+    )
 
 
 def sides(demand: BaseDemand | ThingDemand, scene: PlanningScene) -> dict[str, str]:

@@ -128,10 +128,8 @@ class InverseMap:
             return self._levels[level, offset, roll]
         forward = self.forward
         flipped = forward.grasp is GraspClass.TOP and roll == -1
-        number = level - forward.lowest_level
-        inside = 0 <= number < len(forward.starts) - 1
-        first, last = forward.starts[number : number + 2].tolist() if inside else (0, 0)
-        rows = forward.rows[first:last]
+        those = forward.level(level)
+        first, rows = those.start, forward.rows[those.start : those.stop]
         index = np.flatnonzero(rows["roll"] == (1 if flipped else roll))
         if forward.raised:
             index = index[forward.offsets[first + index] == offset]

@@ -126,7 +126,7 @@ class ReachabilityMap:
         """List torso positions as in :meth:`heights`, each with level and offset of the rows: see :attr:`offsets`."""
         if self.arm.lift is None:
             level = round(z / CELL)
-            return ((0.0, level, 0),) if len(self._level(level)) else ()
+            return ((0.0, level, 0),) if len(self.level(level)) else ()
         most = float(self.arm.lift.rise(self.arm.lift.highest))
         levels = range(math.ceil((z - most) / CELL - 1e-9), math.floor(z / CELL + 1e-9) + 1)
         found = [(z - CELL * level, level, 0) for level in levels if self._has(level, 0)]
@@ -160,7 +160,7 @@ class ReachabilityMap:
 
     def _has(self, level: int, offset: int) -> bool:
         """Check whether a level has rows at an offset."""
-        rows = self._level(level)
+        rows = self.level(level)
         if not self.raised:
             return len(rows) > 0
         return bool((self.offsets[rows.start : rows.stop] == offset).any())
@@ -175,13 +175,10 @@ class ReachabilityMap:
         """Solve for joint values (m, d) at the poses of rows (m,), without the lift; results are cached."""
         new = np.unique(rows[~self._is_solved[rows]])
         if len(new):
-            lowest, near = (
-                0.0 if self.arm.lift is None else self.arm.lift.lowest,
-                self.postures[self.rows["posture"][new]],
-            )
+            near, lift = self.postures[self.rows["posture"][new]], self.arm.lift
             # each converged when the map was built
             solver = InverseKinematics(carried(self.arm))
-            self._solved[new], _ = solver.solve(self.poses(new, lowest), near[:, None])
+            self._solved[new], _ = solver.solve(self.poses(new, 0.0 if lift is None else lift.lowest), near[:, None])
             self._is_solved[new] = True
         return self._solved[rows]
 
@@ -237,7 +234,7 @@ class ReachabilityMap:
         return int(self.rows["z"][0]) if len(self) else 0
 
     @cached_property
-    def starts(self) -> Index:
+    def _starts(self) -> Index:
         """First row of each level of the lattice, the lowest first, (levels + 1,)."""
         levels = np.asarray(self.rows["z"], np.intp)
         return np.searchsorted(levels, np.arange(self.lowest_level, int(levels[-1]) + 2 if len(self) else 1))
@@ -257,12 +254,12 @@ class ReachabilityMap:
     def _rise(self, torso: ArrayLike) -> Any:
         return 0.0 if self.arm.lift is None else self.arm.lift.rise(torso)
 
-    def _level(self, level: int) -> range:
+    def level(self, number: int) -> range:
         """Rows of a level."""
-        number = level - self.lowest_level
-        if not 0 <= number < len(self.starts) - 1:
+        above = number - self.lowest_level
+        if not 0 <= above < len(self._starts) - 1:
             return range(0)
-        return range(int(self.starts[number]), int(self.starts[number + 1]))
+        return range(int(self._starts[above]), int(self._starts[above + 1]))
 
 
 def row_keys(rows: Rows) -> NDArray[np.int64]:

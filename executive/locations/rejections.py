@@ -12,6 +12,7 @@ import numpy as np
 from executive.belief.scene_collisions import BasePose
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
+from planlang.geometry.areas import Clear, Facing, Region
 from planlang.protocols import Contact
 from planlang.records import dataclass
 
@@ -166,6 +167,11 @@ class Rejections:
             figures=next(figures, ""),
             after=after,
         )
+
+
+def unmet(area: Region | Facing | Clear) -> str:
+    """Reason for rejecting places outside an area, or headings."""
+    return f"not {area.words}".replace("not not ", "")
 
 
 def first_body(contacts: Iterable[Contact]) -> str:

@@ -31,8 +31,9 @@ from executive.locations.rejections import (
     NOT_VISIBLE,
     OUT_OF_REACH,
     Rejections,
+    unmet,
 )
-from executive.locations.validation import BaseValidator, scored, unmet
+from executive.locations.validation import BaseValidator
 from planlang.geometry import Array
 from planlang.geometry.areas import Facing
 from planlang.protocols import Solution
@@ -157,7 +158,7 @@ class ReachSearch:
             x, y = middle.tolist()
             room = scene.collisions.floor().field((x, y), scene.bodies.block(self.spec.wanted[0].body).yaw, within)
             conjuncts: list[Conjunct] = [(f"not in reach of {body}", partial(_within, *band)) for body, band in bands]
-            conjuncts += [(unmet(term), partial(scored, term)) for term in self.spec.demand.areas]
+            conjuncts += [(unmet(term), term.score) for term in self.spec.demand.areas]
             if self.known.walled:
                 drivable = scene.collisions.drivable()
                 conjuncts.append((NO_WAY, lambda bases: drivable(bases).astype(float)))

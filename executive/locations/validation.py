@@ -17,13 +17,12 @@ from executive.locations.hand_solutions import HandSolution, Trial, from_base
 from executive.locations.inverse_maps import InverseMaps
 from executive.locations.later_uses import LaterUses
 from executive.locations.questions import Question
-from executive.locations.rejections import COLLISION, NO_HOLD, NOT_VISIBLE, OUT_OF_REACH, Reason, Rejections
+from executive.locations.rejections import COLLISION, NO_HOLD, NOT_VISIBLE, OUT_OF_REACH, Reason, Rejections, unmet
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
 from planlang.designators import Location
 from planlang.failures import BehindClosedDoor, HandsFull, HandsLacking, TooHeavy
 from planlang.geometry import Array
-from planlang.geometry.areas import Clear, Facing, Region
 from planlang.protocols import Solution
 from planlang.relations.demands import Reach, ReachKind
 
@@ -217,7 +216,7 @@ class BaseValidator:
     def stands(self, base: BasePose, score: float, demand: BaseDemand, question: Question) -> bool:
         """Check that the base can stand there, by all conjuncts that do not concern a hand, cheapest first."""
         for term in demand.areas:
-            if scored(term, np.array([base]))[0] <= 0:
+            if term.score(np.array([base]))[0] <= 0:
                 return question.log.reject(base, score, unmet(term))
         return BasePoses(self.scene, question).has_room(base, score)
 
@@ -338,16 +337,6 @@ class BaseValidator:
     def reached_from(self, base: BasePose) -> Mapping[tuple[str, BasePose], Mapping[Reach, HandSolution]]:
         """Hand solutions with which the last base pose found was validated."""
         return {key: candidates for key, candidates in self._reached.items() if key[1] == rounded(base)}
-
-
-def unmet(term: Region | Facing | Clear) -> str:
-    """Reason for rejecting base poses by a conjunct about the floor."""
-    return f"not {term.words}".replace("not not ", "")
-
-
-def scored(term: object, bases: Array) -> Array:
-    """Score (n,) of a conjunct about the floor for bases (n, 3)."""
-    return term.score(bases if isinstance(term, Facing) else bases[:, :2])  # type: ignore[attr-defined,no-any-return]
 
 
 def rounded(base: BasePose) -> BasePose:
