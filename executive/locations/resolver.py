@@ -18,13 +18,13 @@ from typing import Generic, TypeVar
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.belief.scene_part import Kept
-from executive.locations.consistency import meaningless
 from executive.locations.demands import (
     BaseDemand,
     base_demand,
     bodies_meant,
     goals_of,
     hand_demand,
+    meaningless,
     thing_demand,
     use_at,
 )

@@ -163,12 +163,7 @@ class BaseValidator:
         if not wanted:
             return self.answer(base, score, {}, demand, question)
         for arm in arms:
-            reached: dict[Reach, HandSolution] = {}
-            for reach in wanted:
-                if (candidate := self._first(reach, base, self.arms_for(reach, [arm]), question.log)) is None:
-                    break
-                reached[reach] = candidate
-            else:
+            if (reached := self._all(wanted, base, arm, question.log)) is not None:
                 return self.answer(base, score, reached, demand, question)
         question.log.remember(base, score, OUT_OF_REACH.text)
         return None
@@ -204,14 +199,11 @@ class BaseValidator:
             log.count([reason])
             log.remember(base, score, reason.text, reason.body)
             return NO_HOLD.text if reason is NO_HOLD else reason.body
-        reached = {wanted[0]: solution}
-        for reach in wanted[1:]:
-            options = self.arms_for(reach, [solution.arm])
-            if (candidate := self._first(reach, base, options, log)) is None:
-                log.remember(base, score, OUT_OF_REACH.text)
-                return None
-            reached[reach] = candidate
-        return self.answer(base, score, reached, demand, question)
+        others = self._all(wanted[1:], base, solution.arm, log)
+        if others is None:
+            log.remember(base, score, OUT_OF_REACH.text)
+            return None
+        return self.answer(base, score, {wanted[0]: solution, **others}, demand, question)
 
     def stands(self, base: BasePose, score: float, demand: BaseDemand, question: Question) -> bool:
         """Check that the base can stand there, by all conjuncts that do not concern a hand, cheapest first."""
@@ -288,6 +280,17 @@ class BaseValidator:
     def _sides(self, demand: BaseDemand) -> dict[str, object]:
         """Whose left and right was meant, if a location names sides."""
         return {"frame": said} if (said := sides(demand, self.scene)) else {}
+
+    def _all(
+        self, wanted: Sequence[Reach], base: BasePose, arm: ArmModel, log: Rejections
+    ) -> dict[Reach, HandSolution] | None:
+        """Find a hand solution for each of some reaches from a base with an arm; None if one has none."""
+        reached: dict[Reach, HandSolution] = {}
+        for reach in wanted:
+            if (candidate := self._first(reach, base, self.arms_for(reach, [arm]), log)) is None:
+                return None
+            reached[reach] = candidate
+        return reached
 
     def _first(self, reach: Reach, base: BasePose, arms: Sequence[ArmModel], log: Rejections) -> HandSolution | None:
         """Find the best hand solution for a reach from a base with one of some arms."""

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.motion.joint_ranges import JointRanges
 from executive.motion.symbolic import ROTATION_WEIGHT, ChainFunctions, Variable
 from planlang.geometry import Array
 from planlang.geometry.matrices import product, rotated
@@ -40,6 +39,42 @@ IMPROPER = 0.01
 """Largest error in elements of R R^T up to which a matrix R stands for the nearest rotation.
 
 Quaternions whose norm is off by 0.001 give as much; solutions have the rotation that is nearest to R."""
+
+
+class JointRanges:
+    """n joints with their ranges, and the links that they move."""
+
+    lower: Array
+    """Lower limits (n,) [rad, m]; -pi, the start of its range, for a continuous joint."""
+    upper: Array
+    """Upper limits (n,)."""
+    continuous: NDArray[np.bool_]
+    """Mask of continuous joints (n,)."""
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper limits (n,), infinite for continuous joints."""
+        return np.where(self.continuous, -np.inf, self.lower), np.where(self.continuous, np.inf, self.upper)
+
+    def within(self, q: ArrayLike, tolerance: float = 0.0) -> NDArray[np.bool_]:
+        """Check which configurations (m, n) respect all limits; continuous joints have none."""
+        rows = np.atleast_2d(np.asarray(q, float))
+        lower, upper = self.bounds
+        return np.asarray(((rows >= lower - tolerance) & (rows <= upper + tolerance)).all(axis=1))
+
+    def near(self, q: ArrayLike, reference: ArrayLike) -> Array:
+        """Shift continuous joints of configurations (..., n) by whole turns to within half a turn of the reference."""
+        configurations, target = np.asarray(q, float), np.asarray(reference, float)
+        turns = np.where(self.continuous, np.round((target - configurations) / (2 * np.pi)), 0.0)
+        return np.asarray(configurations + 2 * np.pi * turns)
+
+    def frame_rows(self, q: ArrayLike) -> Array:
+        """Compute the first three rows of poses of the moving links in the base, (j, 3, 4, m), for configurations."""
+        raise NotImplementedError
+
+    def frames(self, q: ArrayLike) -> Array:
+        """Compute poses (m, j, 4, 4) of the moving links in the base for configurations (m, n)."""
+        return _whole(self.frame_rows(q))
 
 
 class Chain(JointRanges):
@@ -157,10 +192,6 @@ class Chain(JointRanges):
         """Compute poses (n, 4, 4) of the tip in the base for configurations (n, d)."""
         (rows,) = self.functions.tip(self._rows(q).T)
         return _whole(rows.reshape(3, 4, rows.shape[1]))
-
-    def frames(self, q: ArrayLike) -> Array:
-        """Compute poses (n, j, 4, 4) of the links ``carriers`` in the base for configurations (n, d)."""
-        return _whole(self.frame_rows(q))
 
     def frame_rows(self, q: ArrayLike) -> Array:
         """Compute the first three rows of these poses, configurations along the last axis: (j, 3, 4, n)."""
@@ -344,7 +375,7 @@ def _master(joint: Joint, every: Mapping[str, Joint]) -> tuple[str, float, float
 
 
 def _whole(rows: Array) -> Array:
-    """Complete poses (n, ..., 4, 4) from their first three rows (..., 3, 4, n)."""
+    """Complete poses (m, ..., 4, 4) from their first three rows (..., 3, 4, m)."""
     poses = np.zeros((rows.shape[-1], *rows.shape[:-3], 4, 4))
     poses[..., :3, :] = np.moveaxis(rows, -1, 0)
     poses[..., 3, 3] = 1.0
