@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from executive.cli.answers import Answer
-from executive.cli.arguments import ConvertArguments
+from executive.cli.authoring_arguments import ConvertArguments
+from executive.cli.console import Answer
 from executive.maps.unread import settled
 from executive.runs.files import refuse
 from planlang.diagnostics import error
