@@ -6,9 +6,8 @@ from typing import Any
 
 from executive.cli.authoring_arguments import ConvertArguments
 from executive.cli.console import Answer
-from executive.maps.unread import settled
 from executive.runs.files import refuse
-from planlang.diagnostics import error
+from planlang.diagnostics import error, settled
 from planlang.files import Bundled
 from planlang.ontology import Literal
 from planlang.ontology.convert import Target, convert
