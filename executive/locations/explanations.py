@@ -8,12 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-from executive.belief.floor import Floor
+from executive.belief.floor import CELL as FLOOR_CELL
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.changes import Changes, IsFeasible, with_supports
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
-from executive.locations.hand_predicates import Stage, candidates_of, narrowest, narrowest_grip
+from executive.locations.hand_predicates import Stage, candidates_of, narrowest, narrowest_grip, unknown_fit
 from executive.locations.inverse_maps import InverseMaps
 from executive.locations.questions import Question
 from executive.locations.reachability import CELL, GraspClass
@@ -27,9 +27,8 @@ from executive.locations.rejections import (
     OUT_OF_REACH,
     Rejections,
 )
-from executive.locations.standing import AROUND, floor_near
 from executive.robots.arms import ArmModel, called
-from executive.robots.openings import REMEDY
+from planlang.geometry import Array
 from planlang.records import dataclass
 from planlang.relations.demands import Reach, ReachKind
 
@@ -42,6 +41,8 @@ BASES = frozenset({NO_ROOM, NO_WAY, NOT_VISIBLE})
 BETWEEN_FINGERS = 0.003
 """Room that open fingers need beyond the width of a thing [m]."""
 APPROACHES = {GraspClass.SIDE: "from the side", GraspClass.TILTED: "at a slant", GraspClass.TOP: "from above"}
+AROUND = 2.5
+"""Distance from a thing within which to look for floor for the base [m]."""
 NEARER = "; its base is fixed: move that nearer, or start the robot nearer to it"
 """What helps a robot that does not drive."""
 
@@ -110,16 +111,6 @@ class _Limit:
         return min(self.wanted[1] - self.reached[0], 0.0)
 
 
-def _rise(arm: ArmModel) -> float:
-    """Greatest height by which a torso lifts an arm [m]."""
-    return 0.0 if arm.lift is None else float(arm.lift.rise(arm.lift.highest))
-
-
-def _half(arm: ArmModel) -> float:
-    """Share of a map's cell that an arm reaches beyond it: a torso covers the heights between cells."""
-    return 0.5 if arm.lift is None else 0.0
-
-
 class _Explanation:
     """Measurements of one reach for which no base pose was found."""
 
@@ -177,7 +168,7 @@ class _Explanation:
         farthest = max(self.limits, key=lambda one: one.reach, default=None)
         places = [np.array([self.scene.bodies.pose(self.reach.body).position])]
         if self.reach.kind is not ReachKind.GRASP:
-            places = [table.points for _, tables in self._tables() for table in tables]
+            places = [table.points for _, table in self._tables()]
         away = min((float(np.hypot(*(at[:, :2] - base[:2]).T).min()) for at in places if len(at)), default=0.0)
         if farthest is None or away <= farthest.reach:
             return ""
@@ -190,48 +181,33 @@ class _Explanation:
         kind, body = self.reach.kind, self.reach.body
         return body if kind is ReachKind.GRASP else f"the place for the hand at {body}"
 
-    def _tables(self) -> Iterator[tuple[ArmModel, Sequence[GraspCandidates]]]:
+    def _tables(self) -> Iterator[tuple[ArmModel, GraspCandidates]]:
         """Yield grasp candidates of arms: those with a collision-free hand, or all if there are none."""
         by_stage = self.known.hands
         free = [hand for hand in by_stage[max(by_stage)].hands if len(hand.candidates)] if by_stage else []
-        for hand in free:
-            yield hand.arm, [hand.candidates]
+        yield from ((hand.arm, hand.candidates) for hand in free)
         for arm in () if free else self.arms:
-            yield arm, candidates_of(self.reach, arm, self.scene, Rejections(), Stage.ALL)
+            yield from ((arm, table) for table in candidates_of(self.reach, arm, self.scene, Rejections(), Stage.ALL))
 
     @cached_property
     def limits(self) -> list[_Limit]:
         """Heights of candidates and heights within reach, by arm and approach."""
-        return list(self._limits())
+        each = ((arm, table, number) for arm, table in self._tables() for number in sorted(set(table.grasps.tolist())))
+        heights = ((arm, CLASSES[number], table.points[table.grasps == number, 2]) for arm, table, number in each)
+        return [self._limit(*one) for one in heights if len(self.inverse(*one[:2]).forward)]
 
-    def _limits(self) -> Iterator[_Limit]:
-        for arm, tables in self._tables():
-            for table in tables:
-                for number in sorted(set(table.grasps.tolist())):
-                    heights = table.points[table.grasps == number, 2]
-                    wanted = float(heights.min()), float(heights.max())
-                    if (reached := self._heights_of(arm, CLASSES[number])) is not None:
-                        yield _Limit(
-                            arm.name, CLASSES[number], wanted, reached, self._away(arm, CLASSES[number], wanted)
-                        )
-
-    def _heights_of(self, arm: ArmModel, grasp: GraspClass) -> tuple[float, float] | None:
-        """Range of heights that an arm reaches with a class of grasps [m]; None if it reaches none."""
-        forward = self.inverse(arm, grasp).forward
-        if not len(forward):
-            return None
-        levels, half, rise = forward.rows["z"], _half(arm), _rise(arm)
-        return CELL * (float(levels.min()) - half), CELL * (float(levels.max()) + half) + rise
-
-    def _away(self, arm: ArmModel, grasp: GraspClass, heights: tuple[float, float]) -> float:
-        """Greatest distance from the base that an arm reaches between two heights [m]."""
-        rows, half = self.inverse(arm, grasp).forward.rows, _half(arm)
-        at = (rows["z"] >= (heights[0] - _rise(arm)) / CELL - half) & (rows["z"] <= heights[1] / CELL + half)
-        distances = CELL * np.hypot(rows["x"][at], rows["y"][at], dtype=np.float64)
-        return float(distances.max(initial=0.0))
+    def _limit(self, arm: ArmModel, grasp: GraspClass, heights: Array) -> _Limit:
+        """Compare heights (n,) of candidates with those that an arm reaches with a class of grasps."""
+        rows, low, high = self.inverse(arm, grasp).forward.rows, float(heights.min()), float(heights.max())
+        # a torso covers the heights between the cells of the map; without one the arm reaches beyond them
+        half, rise = (0.5, 0.0) if arm.lift is None else (0.0, float(arm.lift.rise(arm.lift.highest)))
+        reached = CELL * (float(rows["z"].min()) - half), CELL * (float(rows["z"].max()) + half) + rise
+        at = (rows["z"] >= (low - rise) / CELL - half) & (rows["z"] <= high / CELL + half)
+        away = CELL * np.hypot(rows["x"][at], rows["y"][at], dtype=np.float64)
+        return _Limit(arm.name, grasp, (low, high), reached, float(away.max(initial=0.0)))
 
     def _too_far(self) -> str:
-        gap = self._gap(self.scene.collisions.floor())
+        gap = self._gap()
         farthest = max(self.limits, key=lambda one: one.reach, default=None)
         if farthest is None or gap <= farthest.reach:
             return ""
@@ -243,10 +219,12 @@ class _Explanation:
             return f"the robot has no room to stand within {AROUND:g} m of {self.reach.body}"
         return f"the robot cannot get its centre closer than {gap:.2f} m to the centre of {self.reach.body}"
 
-    def _gap(self, floor: Floor) -> float:
+    def _gap(self) -> float:
         """Distance of the thing from the nearest place with room for the base, inf if there is none [m]."""
-        block = self.scene.bodies.block(self.reach.body)
-        return float(np.hypot(*(floor_near(block, floor) - block.centre[:2]).T).min(initial=np.inf))
+        floor, block = self.scene.collisions.floor(), self.scene.bodies.block(self.reach.body)
+        steps = np.arange(-AROUND, AROUND, FLOOR_CELL)
+        points = np.stack(np.meshgrid(block.x + steps, block.y + steps), axis=-1).reshape(-1, 2)
+        return float(np.hypot(*(points[floor.fits(points)] - block.centre[:2]).T).min(initial=np.inf))
 
     def no_hold(self) -> str:
         """Compare the width of the thing with the opening of the hands, if some of them do not hold it."""
@@ -259,10 +237,7 @@ class _Explanation:
             (one for one in self.arms if one.bare and one.max_opening > wide > opening - BETWEEN_FINGERS), None
         )
         if unknown is not None:
-            return (
-                f"{part} is {wide:.3f} m wide; whether that fits into the hand of {called(unknown.name)} is not known, "
-                f"as {unknown.bare}: {REMEDY}"
-            )
+            return unknown_fit(part, wide, unknown)
         if wide < opening - BETWEEN_FINGERS:
             return ""
         return (
@@ -288,7 +263,7 @@ class _Explanation:
         """Describe how near the base gets."""
         if self.reach.kind is ReachKind.OFFER:
             return ""
-        return self._nearest(self._gap(self.scene.collisions.floor()))
+        return self._nearest(self._gap())
 
     def excluded(self) -> str:
         """Return that a relation of the location leaves none of the candidates; "" if others left some out, too."""

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from executive.motion.symbolic import ROTATION_WEIGHT, ChainFunctions, Variable
 from planlang.geometry import Array
 from planlang.geometry.matrices import product, rotated
-from planlang.geometry.urdf import KINDS, Joint, NoSuchChain, displacement, joints_between, read_urdf
+from planlang.geometry.urdf import KINDS, Joint, NoSuchChain, joints_between, read_urdf
 from planlang.kernel import still_computing
 
 POSITION_TOLERANCE = 1e-4
@@ -273,20 +273,8 @@ class Chain(JointRanges):
 
     @cached_property
     def _twists(self) -> Array:
-        """Unit motions (3, 6, d) of a body at the base's origin by each joint, in three postures: linear, angular."""
-        postures = np.random.default_rng(0).uniform(self.lower, self.upper, (3, self.dof))
-        twists = np.zeros((3, 6, self.dof))
-        for q, columns in zip(postures, twists, strict=True):
-            pose = np.eye(4)
-            for joint, variable in zip(self._joints, self._variables, strict=True):
-                pose, value = product(pose, joint.origin), variable.offset
-                if variable.index is not None:
-                    axis, value = rotated(pose[:3, :3], joint.axis), value + variable.multiplier * q[variable.index]
-                    turn = np.zeros(3) if joint.kind == "prismatic" else axis
-                    slide = axis if joint.kind == "prismatic" else np.cross(pose[:3, 3], axis)
-                    columns[:, variable.index] += variable.multiplier * np.concatenate([slide, turn])
-                pose = product(pose, displacement(joint, value))
-        return twists
+        """Jacobians (3, 6, d) in three postures, which stand for all."""
+        return self.jacobian(np.random.default_rng(0).uniform(self.lower, self.upper, (3, self.dof)))
 
     def _rows(self, q: ArrayLike) -> Array:
         rows = np.atleast_2d(np.asarray(q, float))
