@@ -294,10 +294,10 @@ class CandidateSearch:
                 forward = self._spec.validator.inverse(arm, CLASSES[grasp]).forward
                 seeds[grasps == grasp, 0] = forward.seeds(table.rows[same_class], table.torsos[same_class])
             slack = ON_LATTICE if arm.lift is not None and arm.lift.travel >= CELL else OFF_LATTICE
-            solved = solve(candidates, index, self._bases[chosen], arm, seeds, check, slack=slack)
-            self._log.count(solved.reasons, self._bases[chosen])
-            ok[mine] = [reason is None for reason in solved.reasons]
-            joints |= zip(chosen.tolist(), solved.joints, strict=True)
+            solved, reasons = solve(candidates, index, self._bases[chosen], arm, seeds, check, slack=slack)
+            self._log.count(reasons, self._bases[chosen])
+            ok[mine] = [reason is None for reason in reasons]
+            joints |= zip(chosen.tolist(), solved, strict=True)
         return ok, joints
 
     def _keys(self, rows: NDArray[np.intp]) -> list[bytes]:

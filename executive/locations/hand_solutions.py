@@ -35,14 +35,6 @@ ON_LATTICE, OFF_LATTICE = 0.004, 0.039
 """Extra penetration of spheres that counts as collision, for map postures at the height of the target, or not [m]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Solved:
-    """Joint values (m, k, d) of m candidates from m bases; the reason is None for possible ones."""
-
-    joints: Array
-    reasons: list[Reason | None]
-
-
 def base_matrices(bases: Array) -> Array:
     """Poses (m, 4, 4) of the base frame in the map for bases (m, 3)."""
     return rigid(upright(bases[:, 2]), np.column_stack([bases[:, :2], np.zeros(len(bases))]))
@@ -127,8 +119,10 @@ def solve(
     check: QuickCheck,
     *,
     slack: float | None = None,
-) -> Solved:
+) -> tuple[Array, list[Reason | None]]:
     """Solve candidates (m,) from bases (m, 3), with seeds (m, s, d), and rule out collisions by spheres.
+
+    Returns joint values (m, k, d), and why those of each candidate are not possible; None if they are.
 
     With ``slack``, the first seeds are within that distance [m] of solutions: if they penetrate something by that much
     more than solutions may, the candidate is not solved.
@@ -161,7 +155,7 @@ def solve(
         alive = without_reason(alive, (None if good else OUT_OF_REACH for good in np.asarray(whole).tolist()))
     postures = joints[alive][:, [candidates.key, *others]]
     without_reason(alive, _in_the_way(_blocked(postures, bases[alive], check)))
-    return Solved(joints, reasons)
+    return joints, reasons
 
 
 def _blocked(q: Array, bases: Array, check: QuickCheck, deeper: float = 0.0) -> list[str | None]:
@@ -340,7 +334,7 @@ def from_base(
             left = np.array([number not in done for number in part.tolist()], bool)
             mine, bases = part[left], np.repeat(base_row[None], left.sum(), 0)
             solved = solve(candidates, mine, bases, arm, seeds[left], check)
-            for number, joints, reason in zip(mine.tolist(), solved.joints, solved.reasons, strict=True):
+            for number, joints, reason in zip(mine.tolist(), *solved, strict=True):
                 if number in done:
                     continue
                 if reason is None:
