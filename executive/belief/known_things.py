@@ -16,7 +16,8 @@ from executive.belief.recognition import VISION, Recognition
 from executive.maps.classes import is_kind
 from executive.maps.contents import is_content
 from executive.maps.semantic_map import MapObject, SemanticMap, namesakes
-from planlang.designators import Object
+from executive.maps.statements import namespace_of
+from planlang.designators import Object, unused_name
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.geometry import Pose
 from planlang.ontology import expand
@@ -99,6 +100,10 @@ class KnownThings:
     def things(self) -> Iterator[MapObject]:
         """Objects of the map, then created ones, including those without a pose."""
         return chain(self.map.objects, self.memory.made.values())
+
+    def new_iri(self, name: str) -> str:
+        """Make an IRI in the namespace of the map for a thing that is created."""
+        return unused_name(f"{namespace_of(self.map.iri)}{name}", {thing.iri for thing in self.things})
 
     def joint(self, leaf: str) -> float:
         """Look up how far a door or drawer is believed to be open [rad, m]; 0 is closed."""

@@ -296,8 +296,8 @@ class ActionEffects:
         new = belief.state.made.keys() - belief.memory.made.keys()
         for name in (name for name in world.names() if name not in before and name in new):
             body, what = world.scene.body(name), outputs.get(name)
-            iri = None if what is None else what.iri
-            thing = MapObject(iri or "", name, (expand(body.type),), None, body.size)
+            iri = (None if what is None else what.iri) or belief.new_iri(name)
+            thing = MapObject(iri, name, (expand(body.type),), None, body.size)
             belief.came_to_be(thing, world.pose(name))
 
     def _bound(self, action: Action, properties: Iterable[str]) -> list[tuple[Object, str]]:
