@@ -177,7 +177,7 @@ class Belief(KnownThings):
         self._become(held={**self.held, name: replace(self.held[name], riders=tuple(riders))})
 
     def released(self, name: str, pose: Pose, *, to: str | None = None) -> None:
-        """Record that an object was released: to a person, or to rest at ``pose`` with the objects on it."""
+        """Record that an object was released at ``pose``: into a person's hand, or to rest with the objects on it."""
         self._came_down(name, pose)
         self.memory = self.memory.allowing(name)
         if to is not None:

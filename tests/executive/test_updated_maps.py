@@ -1,4 +1,4 @@
-"""Maps that runs leave behind: things that were made and destroyed, and the next run in such a map."""
+"""Maps that runs leave behind: things that were made, destroyed and handed over, and the next run in such a map."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from executive.cli.app import app
 from executive.maps import SemanticMap, read_map
 from executive.runs.options import Outcome, RunOptions
 from executive.runs.plan_run import run_plan_file
+from planlang.geometry import Pose
 from planlang.ontology import load
+from tests.executive.conftest import BUNDLED
 
 KITCHEN = """
 Prefix: : <http://example.org/cakes.owl#>
@@ -155,3 +157,19 @@ def test_the_map_of_a_bundled_run_is_accepted_and_gives_back_the_believed_poses(
             assert again, thing.name
             assert again.pose, thing.name
             assert again.pose.distance(belief.closed_pose(thing.name)) < 1e-6, thing.name
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(5, marks=pytest.mark.long)])
+def test_a_thing_handed_over_is_believed_in_the_persons_hand_where_the_next_run_takes_it_from(
+    tmp_path: Path, seed: int
+) -> None:
+    true: list[Pose] = []
+    options = replace(BUNDLED, seed=seed, watchers=(lambda world: true.append(world.pose("bottle1")),))
+    belief, left = believed_and_left(options, tmp_path / "after.omn")
+    bottle = left.find("bottle1")
+    assert belief.pose("bottle1").distance(true[-1]) < 1e-3
+    assert bottle
+    assert bottle.pose
+    assert bottle.pose.distance(true[-1]) < 1e-3
+    following = run_plan_file(replace(BUNDLED, environment=tmp_path / "after.omn", seed=seed))
+    assert following.outcome is Outcome.DONE, following.message
