@@ -104,7 +104,9 @@ def _statements(semantic_map: SemanticMap, files: Collection[Path | None], gone:
 def _differs_from_map(thing: MapObject, belief: Belief) -> bool:
     if thing.name not in belief.names() or any(thing.name in joint.bodies for joint in belief.joints.values()):
         return False
-    if thing.name not in belief.memory.made and not _is_stated(thing, belief):
+    if thing.name in belief.memory.made:
+        return True
+    if not _is_stated(thing, belief):
         return False  # a part that follows from a class: it moves with the whole
     if belief.knowledge(thing.name).source not in (Source.MAP, Source.TOLD):
         return True

@@ -31,32 +31,38 @@ USUAL_AMOUNT = 100.0
 """Default amount of a content [ml]."""
 
 
-def rules_of(ontology: Ontology) -> Rules:
-    """Read the effects of heat, the default sizes of new objects and the flow rate. Raises BadInput."""
-    heating = tuple(
+def rules_of(ontology: Ontology, also: Sequence[Ontology] = ()) -> Rules:
+    """Read the effects of heat, the default sizes of new objects and the flow rate, from others ``also``.
+
+    Raises BadInput.
+    """
+    every = (ontology, *also)
+    heating = (
         Heating(_short(one.inputs), shorten(one.output), _short(one.devices), one.duration)
-        for one in heat_effects(ontology)
+        for declaring in every
+        for one in heat_effects(declaring)
     )
-    flow = effects_of(ontology, expand("FluidFlow-Translation")).flow_rate
-    return Rules(heating, _taxonomy(ontology), _sizes(ontology), 0.0 if flow is None else flow)
+    flow = effects_of(ontology, expand("FluidFlow-Translation"), also=also).flow_rate
+    return Rules(tuple(dict.fromkeys(heating)), _taxonomy(every), _sizes(every), 0.0 if flow is None else flow)
 
 
 def _short(classes: Iterable[str]) -> tuple[str, ...]:
     return tuple(map(shorten, classes))
 
 
-def _taxonomy(ontology: Ontology) -> Callable[[str, str], bool]:
+def _taxonomy(ontologies: Sequence[Ontology]) -> Callable[[str, str], bool]:
     @cache
     def is_a(cls: str, above: str) -> bool:
-        return cls == above or is_kind(ontology, cls, above)
+        return cls == above or any(is_kind(ontology, cls, above) for ontology in ontologies)
 
     return is_a
 
 
-def _sizes(ontology: Ontology) -> Callable[[str], Size | None]:
+def _sizes(ontologies: Sequence[Ontology]) -> Callable[[str], Size | None]:
     @cache
     def size(cls: str) -> Size | None:
-        return read_size(ontology, expand(cls), (expand(cls),), [])
+        sizes = (read_size(ontology, expand(cls), (expand(cls),), []) for ontology in ontologies)
+        return next(filter(None, sizes), None)
 
     return size
 

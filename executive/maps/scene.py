@@ -24,7 +24,7 @@ from planlang.effects import number_of_class
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, rotated
 from planlang.geometry.shapes import corners, footprint, inside
-from planlang.ontology import shorten
+from planlang.ontology import Ontology, shorten
 from sim import Body, Scene
 from sim.joints import Articulation, Control
 from sim.scene import GRASPABLE_WIDTH, LONGEST, THIN, BodyShape, Cavity, Handle
@@ -132,8 +132,10 @@ MARGIN = 1.5
 """Margin around all bodies in which a robot may drive if the map has no room [m]."""
 
 
-def scene_of(semantic_map: SemanticMap, notes: list[Diagnostic] | None = None) -> Scene:
+def scene_of(semantic_map: SemanticMap, notes: list[Diagnostic] | None = None, also: Sequence[Ontology] = ()) -> Scene:
     """Build the scene of a map, with bodies in the order of the map; assumptions are appended to ``notes``.
+
+    Ontologies ``also`` declare what becomes of things, beside the map.
 
     Poses are box centres, the floor is z = 0. Bottles, cups and the like are cylinders, a room with a size becomes its
     walls, and objects without a size are markers. Objects without a pose are left out. Furniture is hollow behind its
@@ -141,14 +143,14 @@ def scene_of(semantic_map: SemanticMap, notes: list[Diagnostic] | None = None) -
     BadInput if something with a shape or a pose cannot be read, and the map does not ignore that.
     """
     found: list[Diagnostic] = []
-    scene = _built(semantic_map, found)
+    scene = _built(semantic_map, found, also)
     found = settled(found, ignore_unread=semantic_map.ignores_unread)
     if notes is not None:
         notes += found
     return scene
 
 
-def _built(semantic_map: SemanticMap, notes: list[Diagnostic]) -> Scene:
+def _built(semantic_map: SemanticMap, notes: list[Diagnostic], also: Sequence[Ontology]) -> Scene:
     bodies = []
     handles = {iri for thing in semantic_map.objects for iri, _ in _handles(thing, semantic_map)}
     rooms = set(_presumed_rooms(semantic_map, notes))
@@ -174,7 +176,7 @@ def _built(semantic_map: SemanticMap, notes: list[Diagnostic]) -> Scene:
 
         bodies = with_obstacles(bodies, semantic_map, notes)
     controls = controls_of(bodies, joints, semantic_map)
-    rules = rules_of(semantic_map.ontology)
+    rules = rules_of(semantic_map.ontology, also)
     movers = tuple(movers_of(bodies, semantic_map, notes))
     scene = Scene(tuple(bodies), _bounds(bodies), joints=joints, controls=controls, movers=movers, rules=rules)
     _check_support(scene, semantic_map, notes)

@@ -26,7 +26,7 @@ from planlang.geometry import Pose
 from planlang.kernel import PlanStructureError, now, sleep
 from planlang.language.performing import actions_around
 from planlang.language.process_module import LEFT_TO_MOTIONS, ProcessModule, WrappedModule
-from planlang.ontology import expand, shorten
+from planlang.ontology import Ontology, expand, shorten
 from planlang.records import dataclass
 from planlang.state import apply, is_free, warm
 from sim.changes import Changes
@@ -53,9 +53,12 @@ class Begun:
 class ActionEffects:
     """Applies effects of actions to the belief of one platform, and to the world if it is simulated."""
 
-    def __init__(self, platform: Platform, physics: Physics | None) -> None:
-        """``physics``: the simulated world that the platform's interface commands; None if the world is real."""
-        self._platform, self._physics = platform, physics
+    def __init__(self, platform: Platform, physics: Physics | None, also: Sequence[Ontology]) -> None:
+        """``physics``: the simulated world that the platform's interface commands; None if the world is real.
+
+        ``also``: ontologies that declare effects beside the map, such as that of the recipe.
+        """
+        self._platform, self._physics, self._also = platform, physics, also
         self.restored()
 
     def there(self) -> frozenset[str]:
@@ -91,7 +94,7 @@ class ActionEffects:
         """Collect the effects that an action's class declares, and the inputs and outputs that the action states."""
         ontology = self._platform.belief.map.ontology
         ancestors = [expand(cls) for cls in self._platform.ancestors(action.type)]
-        effects = effects_of(ontology, expand(action.type), ancestors)
+        effects = effects_of(ontology, expand(action.type), ancestors, self._also)
         destroyed, created = (
             tuple(known(ontology, what.type) for what in _objects(action, name))
             for name in ("inputs_destroyed", "outputs_created")
@@ -99,7 +102,7 @@ class ActionEffects:
         return replace(
             effects,
             destroyed=(*effects.destroyed, *destroyed),
-            created=narrowest(ontology, (*effects.created, *created)),
+            created=narrowest((ontology, *self._also), (*effects.created, *created)),
         )
 
     def may_create(self, what: Object, actions: Iterable[str]) -> bool:
@@ -297,8 +300,14 @@ class ActionEffects:
         for name in (name for name in world.names() if name not in before and name in new):
             body, what = world.scene.body(name), outputs.get(name)
             iri = (None if what is None else what.iri) or belief.new_iri(name)
-            thing = MapObject(iri, name, (expand(body.type),), None, body.size)
+            thing = MapObject(iri, name, self._types(expand(body.type)), None, body.size)
             belief.came_to_be(thing, world.pose(name))
+
+    def _types(self, cls: str) -> tuple[str, ...]:
+        """List a class and, if only the recipe declares it, the nearest of its superclasses that the map knows."""
+        above = (one for ontology in self._also for one in ontology.ancestors(cls))
+        known_ones = filter(self._platform.belief.map.ontology.defined, above)
+        return tuple(dict.fromkeys((cls, *islice(known_ones, 1))))
 
     def _bound(self, action: Action, properties: Iterable[str]) -> list[tuple[Object, str]]:
         """Resolve the objects that fill properties of an action to names; leave out missing and destroyed ones."""
@@ -316,7 +325,9 @@ class ActionEffects:
         return self._believed.rules.is_a(shorten(type), shorten(cls))
 
     def _usual_amount(self, type: str) -> float | None:
-        return number_of_class(self._platform.belief.map.ontology, [expand(type)], "amount")
+        every = (self._platform.belief.map.ontology, *self._also)
+        amounts = (number_of_class(ontology, [expand(type)], "amount") for ontology in every)
+        return next((amount for amount in amounts if amount is not None), None)
 
 
 class ModuleWithEffects(WrappedModule):

@@ -37,7 +37,7 @@ from planlang.designators import Action, Condition, Device, FixedPose, Location,
 from planlang.diagnostics import BadInput, Span, error
 from planlang.failures import LocationUnresolvable, ObjectNotFound, ObjectUnresolvable
 from planlang.language.process_module import ModuleOnce, ProcessModule, stated_as_before
-from planlang.ontology import expand, shorten
+from planlang.ontology import Ontology, expand, shorten
 from planlang.progress import Report, unreported
 from planlang.protocols import Configuration, RobotInterface, Solution
 from planlang.state import Hold, restored, saved
@@ -175,15 +175,19 @@ class RobotExecutive:
     """Implements :class:`planlang.language.executive.Executive` for one platform."""
 
     def __init__(
-        self, platform: Platform, modules: Iterable[Callable[[Platform], ProcessModule]], physics: Physics | None
+        self,
+        platform: Platform,
+        modules: Iterable[Callable[[Platform], ProcessModule]],
+        physics: Physics | None,
+        also: Sequence[Ontology] = (),
     ) -> None:
         """``modules`` are classes of process modules; the first that performs an action is used.
 
         ``physics`` is the simulated world that the platform's interface commands, in which effects come true; None if
-        the interface is that of a real robot.
+        the interface is that of a real robot. Ontologies ``also`` declare effects, beside the map: recipes.
         """
         self.platform = platform
-        self._effects = ActionEffects(platform, physics)
+        self._effects = ActionEffects(platform, physics, also)
         ontology = platform.belief.map.ontology
         primitives = [iri for iri in ontology.individuals("Primitive") if ontology.values(iri, "finds")]
         self.finding = frozenset(shorten(cls) for iri in primitives for cls in ontology.iris(iri, "performsAction"))

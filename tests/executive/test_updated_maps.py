@@ -16,39 +16,8 @@ from executive.runs.plan_run import run_plan_file
 from planlang.geometry import Pose
 from planlang.ontology import load
 from tests.executive.conftest import BUNDLED
+from tests.support.cakes import ICER, ICING, ROOM
 
-KITCHEN = """
-Prefix: : <http://example.org/cakes.owl#>
-Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
-Ontology: <http://example.org/cakes.owl>
-    Import: <http://knowrob.org/kb/knowrob.owl>
-
-Individual: cakes
-    Types: knowrob:SemanticEnvironmentMap
-Individual: table1
-    Types: knowrob:KitchenTable
-    Facts: knowrob:describedInMap cakes, knowrob:pose place_of_table,
-        knowrob:depthOfObject 0.7, knowrob:widthOfObject 1.2, knowrob:heightOfObject 0.74
-Individual: place_of_table
-    Types: knowrob:RotationMatrix3D
-    Facts: knowrob:translation "1.6 0 0.37", knowrob:quaternion "0 0 0 1"
-Individual: frosting1
-    Types: Frosting
-    Facts: knowrob:describedInMap cakes, knowrob:pose place_of_frosting,
-        knowrob:depthOfObject 0.06, knowrob:widthOfObject 0.06, knowrob:heightOfObject 0.08
-Individual: place_of_frosting
-    Types: knowrob:RotationMatrix3D
-    Facts: knowrob:translation "1.5 0 0.78", knowrob:quaternion "0 0 0 1"
-Class: Frosting
-    SubClassOf: knowrob:FoodOrDrink
-Class: IcedCake
-    SubClassOf: knowrob:FoodOrDrink
-Class: Icing
-    SubClassOf: knowrob:ActionOnObject
-Individual: icing_change
-    Types: knowrob:ObjectChange
-    Facts: knowrob:byAction Icing, knowrob:inputsDestroyed Frosting, knowrob:outputsCreated IcedCake
-"""
 BESIDE = """
 Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
 Ontology: <http://example.org/beside.owl>
@@ -62,23 +31,6 @@ Individual: <http://example.org/beside.owl#place_of_cup>
     Types: knowrob:RotationMatrix3D
     Facts: knowrob:translation "1.5 0.4 0.79", knowrob:quaternion "0 0 0 1"
 """
-ICER = """
-from planlang import process_module, sleep
-
-
-@process_module
-class Icer:
-    name, actions, failures = "icer", ("Icing",), ()
-
-    def __init__(self, platform):
-        self.platform = platform
-
-    def resources(self, action):
-        return ()
-
-    async def execute(self, action):
-        await sleep(1.0)
-"""
 PLAN = """
 from planlang import action, an_object, perform, plan
 
@@ -89,6 +41,8 @@ CAKES = "http://example.org/cakes.owl#"
 async def ice():
     frosting = an_object(CAKES + "Frosting")
     await perform(action(CAKES + "Icing", below="ActionOnObject", object_acted_on=frosting))
+"""
+AND_LOOK = """\
     await perform(action("LookingForSomething", object_acted_on=an_object(CAKES + "IcedCake")))
 """
 LOOK = """
@@ -102,11 +56,11 @@ async def look():
 """
 
 
-@pytest.mark.parametrize("name", ["cakes", "beside"])
+@pytest.mark.parametrize(("name", "plan"), [("cakes", PLAN), ("beside", PLAN + AND_LOOK)])
 def test_what_was_made_is_in_the_map_as_any_other_thing_and_what_it_was_made_of_no_more(
-    tmp_path: Path, name: str
+    tmp_path: Path, name: str, plan: str
 ) -> None:
-    files = {"cakes.omn": KITCHEN, "beside.omn": BESIDE, "icer.py": ICER, "plan.py": PLAN}
+    files = {"cakes.omn": ROOM + ICING, "beside.omn": BESIDE, "icer.py": ICER, "plan.py": plan}
     files["next.py"] = LOOK.replace("{}", name)
     for file, text in files.items():
         (tmp_path / file).write_text(text)
