@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 
+from planlang.closure import grouped
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput
 from planlang.language.source import PlanSource
@@ -100,9 +101,9 @@ def recipe_source(recipes: RecipeSet, ontology: Ontology, name: str, text: str) 
 
 def _definitions(document: Ontology, text: str) -> dict[str, tuple[int, int]]:
     """Map each name (IRI) of a document to the first and last line of its definition."""
-    about: dict[Term, list[tuple[int, Term]]] = {}
-    for triple in document.triples():
-        about.setdefault(triple.subject, []).append((triple.span.line, triple.object))
+    about: dict[Term, list[tuple[int, Term]]] = grouped(
+        (triple.subject, (triple.span.line, triple.object)) for triple in document.triples()
+    )
     spans = ((iri, document.span(iri)) for iri in about if isinstance(iri, str))
     begins = {iri: span.line for iri, span in spans if span is not None}
     starts, rows = sorted(set(begins.values())), text.splitlines()

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from functools import cached_property
 
+from planlang.closure import grouped
 from planlang.designators import local_name, local_part
 from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
 from planlang.ontology import Ontology, shorten
@@ -151,12 +152,9 @@ class _Names:
         """Local name -> classes and individuals (IRIs) with this local name."""
         store = self._store
         outputs = (store.objects[row] for row in store.by(*self._ontology.properties_named(*OUTPUTS)))
-        by_name: dict[str, list[str]] = {}
-        for number in dict.fromkeys((*sorted(self._defined), *outputs)):
-            name = store.name(number)
-            if name is not None and not name.startswith(_W3C) and not self._ontology.is_property(name):
-                by_name.setdefault(local_name(name), []).append(name)
-        return by_name
+        names = (store.name(number) or "" for number in dict.fromkeys((*sorted(self._defined), *outputs)))
+        things = (name for name in names if not name.startswith(_W3C) and not self._ontology.is_property(name))
+        return grouped((local_name(name), name) for name in things if name)
 
     @cached_property
     def _neighbours(self) -> Neighbours:
@@ -339,10 +337,7 @@ class Neighbours:
     """
 
     def __init__(self, names: Iterable[str]) -> None:
-        self._shortened: dict[str, list[str]] = {}
-        for name in dict.fromkeys(names):
-            for variant in _variants(name):
-                self._shortened.setdefault(variant, []).append(name)
+        self._shortened = grouped((variant, name) for name in dict.fromkeys(names) for variant in _variants(name))
 
     def of(self, written: str) -> list[str]:
         """Names one typo away from ``written``, sorted."""
