@@ -28,8 +28,7 @@ from planlang.ontology.classes import (
     unread_parts,
 )
 from planlang.ontology.documents import Document, Reading, is_bundled, read_all
-from planlang.ontology.identity import same_names
-from planlang.ontology.naming import LABELS, best_label, readable_names
+from planlang.ontology.naming import LABELS, best_label, readable_names, same_names
 from planlang.ontology.terms import ABSOLUTE, KNOWROB, OWL, RDF, RDFS, ROBOEARTH, BNode, Literal, Term, Triple, expand
 from planlang.ontology.triples import Triples
 
