@@ -55,7 +55,7 @@ class Devices(HandWork):
     name = "device"
     actions = ("TurningOnPoweredDevice", "TurningOffPoweredDevice", "PreheatOven", "OperateOven")
     failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
-    # beside those of looking, which LookingFirst declares for all modules
+    # beside those of looking, which RobotModule declares for all modules
 
     async def execute(self, action: Action) -> str:
         """Turn the device on or off; return its name. Raises failures of the classes in ``failures``."""
