@@ -29,8 +29,6 @@ from executive.modules.effects import ActionEffects
 from executive.modules.platform import Platform
 from executive.robots import CARRYING, Robot
 from executive.robots.handle import RobotHandle, RobotModel
-from executive.runs.final_state import Tilts
-from executive.runs.in_hands import InHand
 from planlang.action_classes import ancestors_of
 from planlang.action_conditions import declared
 from planlang.changes import Physics
@@ -40,10 +38,11 @@ from planlang.failures import LocationUnresolvable, ObjectNotFound, ObjectUnreso
 from planlang.language.process_module import ProcessModule
 from planlang.ontology import expand, shorten
 from planlang.progress import Report, unreported
-from planlang.protocols import RobotInterface, Solution
+from planlang.protocols import Configuration, RobotInterface, Solution
 from planlang.state import Hold, restored, saved
 from planlang.words import Blank, Option, Text
-from sim import PlanningWorld, Scene, WorldMirror, perturb
+from sim import PlanningWorld, PyBulletWorld, Scene, WorldMirror, perturb
+from sim.truth import ROBOT
 
 MOST_STARTS = 5000
 """Maximum number of free base poses to try for one where the arms have room, too: a disc of 2 m in the fine grid."""
@@ -57,7 +56,7 @@ def real_scene(scene: Scene, seed: int, robot_in: PlanningWorld) -> Scene:
 
 
 def world_at_start(
-    scene: Scene, robot: Robot, start: BasePose | None, stack: ExitStack, held: Sequence[InHand] = ()
+    scene: Scene, robot: Robot, start: BasePose | None, stack: ExitStack, held: Mapping[str, Hold] | None = None
 ) -> PlanningWorld:
     """Make a world with the robot at its start: the user's pose, else a free pose near the middle.
 
@@ -75,8 +74,8 @@ def world_at_start(
         raise BadInput([error("B015", message, Span(str(robot.urdf)))])
     if held:
         state = world.world_state(robot.name)
-        for one in held:
-            state = state.gripped(one.body.name, Hold(one.arm, one.link, one.offset))
+        for name, hold in held.items():
+            state = state.gripped(name, hold)
         world = WorldMirror(world, robot.name).at(state)
     if start is not None:
         _check_start(world)
@@ -156,6 +155,21 @@ def platform_of(
     )
 
 
+def take(platform: Platform, truth: PyBulletWorld, held: Mapping[str, Hold]) -> None:
+    """Put things into the robot's hands and close the fingers on them, in the true world and in the belief."""
+    state = truth.world_state()
+    for name, hold in held.items():
+        scene, arm = platform.scene, next(arm for arm in platform.scene.arms.all if arm.name == hold.arm)
+        base, q = platform.base(), platform.arm_joints(arm)
+        in_hand = scene.belief.state.placed({name: scene.world.link_pose(hold.link) @ hold.offset})
+        fingers = scene.supposing(in_hand).collisions.closed_on(base, arm, q, name)
+        there = Configuration(base, {**state.robots[ROBOT].joints, **(fingers or {})})
+        state = state.with_robot(ROBOT, there).gripped(name, hold)
+        platform.belief.grasped(name, *hold)
+    if held:
+        truth.begin(state)
+
+
 class RobotExecutive:
     """Implements :class:`planlang.language.executive.Executive` for one platform."""
 
@@ -168,8 +182,6 @@ class RobotExecutive:
         the interface is that of a real robot.
         """
         self.platform = platform
-        self.tilts = Tilts(platform.leaning)
-        """The largest tilts of carried things, measured by a watcher of the true world."""
         self._effects = ActionEffects(platform, physics)
         ontology = platform.belief.map.ontology
         primitives = [iri for iri in ontology.individuals("Primitive") if ontology.values(iri, "finds")]
