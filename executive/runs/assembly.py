@@ -28,7 +28,7 @@ from executive.modules.around_actions import RobotModule
 from executive.modules.effects import ActionEffects
 from executive.modules.platform import Platform
 from executive.robots import CARRYING, Robot
-from executive.robots.handle import RobotHandle, RobotModel
+from executive.robots.arms import RobotHandle, RobotModel
 from planlang.action_classes import ancestors_of
 from planlang.action_conditions import declared
 from planlang.changes import Physics
