@@ -24,27 +24,25 @@ from executive.belief.scene_collisions import BasePose
 from executive.belief.snapshots import changed_since, with_changes
 from executive.locations import Resolver
 from executive.maps import SemanticMap, default_starts
-from executive.modules.effects import ActionEffects, ModuleWithEffects
-from executive.modules.looking_first import LookingFirst
-from executive.modules.noting_hands import NotingHands
+from executive.modules.around_actions import RobotModule
+from executive.modules.effects import ActionEffects
 from executive.modules.platform import Platform
 from executive.robots import CARRYING, Robot
-from executive.robots.handle import RobotHandle, RobotModel
-from executive.runs.final_state import Tilts
-from executive.runs.in_hands import InHand
+from executive.robots.arms import RobotHandle, RobotModel
 from planlang.action_classes import ancestors_of
 from planlang.action_conditions import declared
 from planlang.changes import Physics
 from planlang.designators import Action, Condition, Device, FixedPose, Location, Object, a_posture, action
 from planlang.diagnostics import BadInput, Span, error
 from planlang.failures import LocationUnresolvable, ObjectNotFound, ObjectUnresolvable
-from planlang.language.process_module import ModuleOnce, ProcessModule, stated_as_before
+from planlang.language.process_module import ProcessModule
 from planlang.ontology import expand, shorten
 from planlang.progress import Report, unreported
-from planlang.protocols import RobotInterface, Solution
+from planlang.protocols import Configuration, RobotInterface, Solution
 from planlang.state import Hold, restored, saved
 from planlang.words import Blank, Option, Text
-from sim import PlanningWorld, Scene, WorldMirror, perturb
+from sim import PlanningWorld, PyBulletWorld, Scene, WorldMirror, perturb
+from sim.truth import ROBOT
 
 MOST_STARTS = 5000
 """Maximum number of free base poses to try for one where the arms have room, too: a disc of 2 m in the fine grid."""
@@ -58,7 +56,7 @@ def real_scene(scene: Scene, seed: int, robot_in: PlanningWorld) -> Scene:
 
 
 def world_at_start(
-    scene: Scene, robot: Robot, start: BasePose | None, stack: ExitStack, held: Sequence[InHand] = ()
+    scene: Scene, robot: Robot, start: BasePose | None, stack: ExitStack, held: Mapping[str, Hold] | None = None
 ) -> PlanningWorld:
     """Make a world with the robot at its start: the user's pose, else a free pose near the middle.
 
@@ -76,8 +74,8 @@ def world_at_start(
         raise BadInput([error("B015", message, Span(str(robot.urdf)))])
     if held:
         state = world.world_state(robot.name)
-        for one in held:
-            state = state.gripped(one.body.name, Hold(one.arm, one.link, one.offset))
+        for name, hold in held.items():
+            state = state.gripped(name, hold)
         world = WorldMirror(world, robot.name).at(state)
     if start is not None:
         _check_start(world)
@@ -157,6 +155,21 @@ def platform_of(
     )
 
 
+def take(platform: Platform, truth: PyBulletWorld, held: Mapping[str, Hold]) -> None:
+    """Put things into the robot's hands and close the fingers on them, in the true world and in the belief."""
+    state = truth.world_state()
+    for name, hold in held.items():
+        scene, arm = platform.scene, next(arm for arm in platform.scene.arms.all if arm.name == hold.arm)
+        base, q = platform.base(), platform.arm_joints(arm)
+        in_hand = scene.belief.state.placed({name: scene.world.link_pose(hold.link) @ hold.offset})
+        fingers = scene.supposing(in_hand).collisions.closed_on(base, arm, q, name)
+        there = Configuration(base, {**state.robots[ROBOT].joints, **(fingers or {})})
+        state = state.with_robot(ROBOT, there).gripped(name, hold)
+        platform.belief.grasped(name, *hold)
+    if held:
+        truth.begin(state)
+
+
 class RobotExecutive:
     """Implements :class:`planlang.language.executive.Executive` for one platform."""
 
@@ -169,20 +182,13 @@ class RobotExecutive:
         the interface is that of a real robot.
         """
         self.platform = platform
-        self.tilts = Tilts(platform.leaning)
-        """The largest tilts of carried things, measured by a watcher of the true world."""
         self._effects = ActionEffects(platform, physics)
         ontology = platform.belief.map.ontology
         primitives = [iri for iri in ontology.individuals("Primitive") if ontology.values(iri, "finds")]
         self.finding = frozenset(shorten(cls) for iri in primitives for cls in ontology.iris(iri, "performsAction"))
         """Action classes that search for things, whose poses need not be known before."""
         self.modules: Sequence[ProcessModule] = tuple(
-            ModuleWithEffects(
-                LookingFirst(NotingHands(ModuleOnce(one), platform.belief), platform, self.finding),
-                self._effects,
-                stated_as_before(one),
-            )
-            for one in (create(platform) for create in modules)
+            RobotModule(create(platform), platform, self._effects, self.finding) for create in modules
         )
         self._start = self._believed()
 
