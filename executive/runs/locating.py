@@ -11,8 +11,7 @@ from typing import Any
 
 from executive.belief.scene_collisions import BasePose
 from executive.locations import Rejections
-from executive.locations.consistency import LocationMeaningless
-from executive.locations.demands import base_demand, sides, thing_demand, viewpoint, without_unused
+from executive.locations.demands import LocationMeaningless, base_demand, sides, thing_demand, viewpoint, without_unused
 from executive.maps import read_map, scene_of
 from executive.modules.platform import Platform
 from executive.options.declaring import names, outputs_of, planar
