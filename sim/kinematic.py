@@ -388,20 +388,6 @@ class KinematicScene:
         """Find the current penetrations of the robot and of what it holds, without the allowed ones."""
         return () if self._robot is None else self._find(self._now, Query())
 
-    def state(self) -> tuple[object, ...]:
-        """Summarise the world as a hashable value: equal if everything is at the same place."""
-        self._here()
-        return (
-            self._now.base,
-            tuple(sorted(self._now.joints.items())),
-            tuple((name, pose.position, pose.orientation) for name, pose in self._bodies.poses.items()),
-            tuple(self.attached().items()),
-            tuple(self.led().items()),
-            tuple(self._falling.on_the_way),
-            self._people.state(),
-            self.changes.matter.state(),
-        )
-
     def close(self) -> None:
         """Disconnect the physics client; the world cannot be used afterwards. Closing twice does nothing."""
         if self._client >= 0:

@@ -463,9 +463,3 @@ class PyBulletWorld(KinematicScene):
         """Trace lines through the camera's pixels: ends (n, 3) in the map, and whether each is on a surface, (n,)."""
         self._here()
         return self._camera.scan(self._optics(), self.robot.link_pose(camera_link))
-
-    def state(self) -> tuple[object, ...]:
-        """Summarise the world as a hashable value: equal if everything has the same pose and motion."""
-        motions = tuple((group, playback.row, playback.state()) for group, playback in self._motions.items())
-        *things, people = super().state()
-        return (self.steps, *things, motions, people)

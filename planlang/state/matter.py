@@ -78,12 +78,6 @@ class Matter:
         content = self.contents.get(name, {}).values()
         return merged(self.origins.get(name, ()), *(portion.origins for portion in content))
 
-    def state(self) -> tuple[object, ...]:
-        """Summarise as a hashable value."""
-        contents = tuple((name, tuple(content.values())) for name, content in self.contents.items())
-        tables = (self.heated, self.states, self.types, self.origins, self.gone)
-        return (contents, *(tuple(table.items()) for table in tables))
-
     # Changes
 
     def holding(self, name: str, content: Mapping[str, Portion]) -> Matter:

@@ -24,6 +24,7 @@ from planlang.ontology import load
 from planlang.protocols import Configuration, Detection
 from planlang.state import Grip
 from sim import PlanningWorld, WorldMirror
+from tests.support.world_values import value_of
 
 HERE = (0.0, 0.0, 0.0)
 MAP = "http://example.org/map.owl#"
@@ -247,14 +248,14 @@ def test_the_planning_world_is_as_before_after_it_was_asked_about_other_states(
 ) -> None:
     mirror, hand, cup = WorldMirror(planning, belief.robot), robot.arm("right").hand_link, belief.pose("cup1")
     believed = belief.state
-    before = mirror.at(believed).state()
+    before = value_of(mirror.at(believed))
     elsewhere = believed.placed({"cup1": Pose((-2.0, 0.4, 0.05)), "bottle2": None})
     grip = Grip("right", hand, Pose((0.14, 0.0, 0.0)), believed.poses["bottle1"])
     tucked = elsewhere.with_robot(belief.robot, Configuration(HERE, robot.postures["carrying"]))
     held = replace(tucked, held={"bottle1": grip})
     assert (mirror.at(elsewhere).pose("cup1").position, "bottle2" in planning.names()) == ((-2.0, 0.4, 0.05), False)
     assert mirror.at(held).attached() == {"bottle1": hand}
-    assert mirror.at(believed).state() == before
+    assert value_of(mirror.at(believed)) == before
     assert (belief.pose("cup1"), belief.held) == (cup, {})
 
 
