@@ -309,9 +309,9 @@ class Rays:
         return np.array([hit[0] < 0 for hit in self._hits(starts, ends, _NOT_ROBOT)], bool)
 
     @contextlib.contextmanager
-    def without(self, name: str) -> Iterator[None]:
-        """Cast rays as if a body were absent."""
-        pieces = self.bodies.of[name]
+    def without(self, *names: str) -> Iterator[None]:
+        """Cast rays as if some bodies were absent."""
+        pieces = [index for name in names for index in self.bodies.of[name]]
         self.bodies.hide(pieces)
         try:
             yield

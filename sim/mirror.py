@@ -5,6 +5,7 @@ from __future__ import annotations
 from planlang.state import Grip, WorldState
 from sim.kinematic import KinematicScene
 from sim.planning_world import PlanningWorld
+from sim.queries import EngineQueries
 
 
 class WorldMirror:
@@ -14,22 +15,23 @@ class WorldMirror:
         """``robot``: name in the states of the robot that is in the world."""
         self._world, self._robot = world, robot
         self._shown: WorldState | None = None
-        self.queries = world.queries(self.at)
+        self.queries = EngineQueries(self.at, world.scene.rules, world.gravity.bodies.bodies.values())
         """Answers for changes of any state."""
 
     def at(self, state: WorldState) -> PlanningWorld:
         """Return the world as it is in a state. What it answers holds until another state is asked for."""
         if state is not self._shown:
-            before, self._shown = self._shown, None  # if this is interrupted, the world is in no state
-            become(self._world, self._robot, state, before)
+            self._shown = None  # if this is interrupted, the world is in no state
+            become(self._world, self._robot, state)
             self._shown = state
         return self._world
 
 
-def become(world: KinematicScene, robot: str, state: WorldState, before: WorldState | None = None) -> None:
+def become(world: KinematicScene, robot: str, state: WorldState) -> None:
     """Bring a world to a state: what hands hold, the robot, joints, then all other poses.
 
-    ``robot`` names the robot of the world in the state; ``before`` is the state that the world is in, if it is known.
+    ``robot`` names the robot of the world in the state. Nothing moves yet: a body in the air of a true world falls once
+    a hand releases it.
     """
     carried = state.carried()
     riders = carried - state.held.keys()
@@ -40,9 +42,8 @@ def become(world: KinematicScene, robot: str, state: WorldState, before: WorldSt
     for leaf, link in world.led().items():
         if state.led.get(leaf) != link:
             world.let_go(leaf)
-    there = state.robots[robot]
-    if before is None or before.robots[robot] != there:
-        world.set_configuration(there)
+    if world.configuration() != state.robots[robot]:
+        world.set_configuration(state.robots[robot])
     for leaf, value in state.joints.items():
         if world.joint(leaf) != value:
             world.set_joint(leaf, value)
@@ -56,9 +57,16 @@ def become(world: KinematicScene, robot: str, state: WorldState, before: WorldSt
 
 
 def _put_into_hands(world: KinematicScene, name: str, grip: Grip, state: WorldState) -> None:
-    """Move an object, with all that stands on it, into the hands, and attach it."""
-    motion = world.link_pose(grip.link) @ grip.offset @ state.poses[name].inverse()
-    for one in (name, *grip.riders):
-        world.set_pose(one, motion @ state.poses[one])
+    """Attach an object to the hands that hold it, after it was moved there with all that stands on it.
+
+    At a start with things in hand, their poses are those in the hand already.
+    """
+    in_hand = world.link_pose(grip.link) @ grip.offset
+    poses = {one: state.poses[one] for one in (name, *grip.riders)}
+    if poses[name] != in_hand:
+        motion = in_hand @ poses[name].inverse()
+        poses = {one: motion @ pose for one, pose in poses.items()}
+    for one, pose in poses.items():
+        world.set_pose(one, pose)
     for hand in grip.hands:
         world.attach(hand.link, name)

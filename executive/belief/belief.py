@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from copy import copy
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,9 @@ from executive.belief.obstacles import NAMES
 from executive.belief.recognition import Recognition
 from executive.belief.snapshots import dump_belief, load_belief
 from executive.maps.semantic_map import MapObject
+from planlang.changes import Change, Poured, Switched, TurnedOver
 from planlang.geometry import Pose
+from planlang.ontology import expand
 from planlang.protocols import Configuration, Detection
 from planlang.state import Grip, Hold, WorldState
 from planlang.state.matter import OFF, without
@@ -208,38 +211,39 @@ class Belief(KnownThings):
         self._become(poses={**self._poses, **down}, held=without(self.held, name), touched=touched)
         self.memory = self.memory.learned(down, Source.DONE)
 
-    def happened(self, state: WorldState) -> None:
-        """Go on to a state that effects of an action, heat or flow have led to; what it means is recorded apart."""
+    def happened(self, state: WorldState, change: Change | None = None) -> None:
+        """Go on to a state to which a change by an action, heat or flow has led.
+
+        Of a pouring, ``change`` has the amount that flowed. What came to be is recorded by :meth:`learn`.
+        """
         known = self.memory.first
         if new := {name: state.poses[name] for name in state.made if name not in known and state.there(name)}:
             self.memory = replace(self.memory, first={**known, **new})
         self.state = state
+        match change:
+            case TurnedOver(name):
+                self._changed("turned over", name=name, pose=self._poses[name])
+            case Switched(name, value):
+                self.memory = self.memory.witnesses(name)
+                self._changed("switched", name=name, state=value)
+            case Poured(source, target, amount):
+                self._changed("poured", name=source, into=target, amount=amount)
 
-    def came_to_be(self, thing: MapObject, pose: Pose) -> None:
-        """Record that an object was created."""
-        self.memory = self.memory.created(thing, pose)
-        self._become(poses={**self._poses, thing.name: pose})
-        self._changed("created", name=thing.name, pose=pose)
+    def learn(self, iris: Mapping[str, str] = MappingProxyType({})) -> None:
+        """Record what is gone from the state and what came to be in it; ``iris`` has those of named objects.
 
-    def destroyed(self, name: str) -> None:
-        """Record that an object no longer exists; its designators may be bound to others."""
-        self.memory = self.memory.destroyed(name)
-        self._become(poses=without(self._poses, name), held=without(self.held, name))
-        self._changed("destroyed", name=name)
-
-    def turned_over(self, name: str, pose: Pose) -> None:
-        """Record that an object has been turned over."""
-        self._become(poses={**self._poses, name: pose})
-        self._changed("turned over", name=name, pose=pose)
-
-    def switched(self, name: str, state: str) -> None:
-        """Record the state of a device, or of an object that was mixed or cleaned."""
-        self.memory = self.memory.witnesses(name)
-        self._changed("switched", name=name, state=state)
-
-    def poured(self, source: str, target: str, amount: float) -> None:
-        """Record that an amount [ml] was poured out of one object into or onto another."""
-        self._changed("poured", name=source, into=target, amount=amount)
+        Designators of what is gone may be bound to others.
+        """
+        for name in sorted(self.state.matter.gone.keys() - set(self.memory.gone)):
+            self.memory = self.memory.destroyed(name)
+            self._changed("destroyed", name=name)
+        for name in filter(self.state.there, self.state.made):
+            if name in self.memory.made:
+                continue
+            made, pose = self.state.made[name], self._poses[name]
+            thing = MapObject(iris.get(name, ""), name, (expand(made.type),), None, made.size)
+            self.memory = self.memory.created(thing, pose)
+            self._changed("created", name=name, pose=pose)
 
     def heated_until(self, time: float) -> float:
         """Record that heating has been simulated up to a plan time [s]; return how long it took since the last one."""

@@ -68,7 +68,7 @@ class KnownThings:
         self.joints: dict[str, Articulation] = {joint.leaf: joint for joint in world.scene.joints}
         """Joints of doors, drawers, lids and knobs, by leaf."""
         joints = {leaf: world.joint(leaf) for leaf in self.joints}
-        away, matter = frozenset(NAMES).intersection(poses), world.changes.matter
+        away, matter = frozenset(NAMES).intersection(poses), world.matter
         self.state = WorldState({robot: world.configuration()}, poses, joints, away=away, matter=matter)
         """What is believed to be where; the robot as it was last observed."""
         self.devices = frozenset(control.device for control in world.scene.controls)
@@ -87,10 +87,6 @@ class KnownThings:
     def led(self) -> Mapping[str, str]:
         """Leaf -> link of the hand that moves it."""
         return self.state.led
-
-    def is_gone(self, name: str) -> bool:
-        """Check whether an object is known to have been destroyed."""
-        return name in self.memory.gone
 
     @property
     def _poses(self) -> Mapping[str, Pose]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
 
@@ -325,18 +325,31 @@ ORIGIN = (0.0, 0.0, 0.0)
 """Base pose in the world of the search."""
 
 
-def with_carrying(robot: Robot, held: Sequence[tuple[str, Body, Pose]] = (), report: Report = unreported) -> Robot:
+@dataclass(frozen=True, slots=True)
+class InHand:
+    """Object in a hand at the start of a run."""
+
+    body: Body
+    hold: Hold
+
+
+def gripping(state: WorldState, held: Iterable[InHand]) -> WorldState:
+    """Make the state in which objects are in the hands."""
+    for one in held:
+        state = state.gripped(one.body.name, one.hold)
+    return state
+
+
+def with_carrying(robot: Robot, held: Sequence[InHand] = (), report: Report = unreported) -> Robot:
     """Add a carrying posture to a robot: free of contact, hands level, as narrow as possible.
 
-    ``held`` are the objects that it holds: link, body, and pose in the frame of the link. A robot that has a carrying
-    posture keeps it unless they touch something there. ``report`` receives the progress of the search.
+    A robot that has a carrying posture keeps it unless the objects that it holds touch something there. ``report``
+    receives the progress of the search.
     """
     if (CARRYING in robot.postures and not held) or not robot.arms:
         return robot
-    world = PlanningWorld(Scene(tuple(body for _, body, _ in held)), robot.body())
-    mirror, state = WorldMirror(world, robot.name), world.world_state(robot.name)
-    for link, body, offset in held:
-        state = state.gripped(body.name, Hold(link, link, offset))
+    world = PlanningWorld(Scene(tuple(one.body for one in held)), robot.body())
+    mirror, state = WorldMirror(world, robot.name), gripping(world.world_state(robot.name), held)
     try:
         if CARRYING in robot.postures and not mirror.at(state).contacts():
             return robot

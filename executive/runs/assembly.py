@@ -29,9 +29,9 @@ from executive.modules.looking_first import LookingFirst
 from executive.modules.noting_hands import NotingHands
 from executive.modules.platform import Platform
 from executive.robots import CARRYING, Robot
+from executive.robots.arms import InHand, gripping
 from executive.robots.handle import RobotHandle, RobotModel
 from executive.runs.final_state import Tilts
-from executive.runs.in_hands import InHand
 from planlang.action_classes import ancestors_of
 from planlang.action_conditions import declared
 from planlang.changes import Physics
@@ -42,7 +42,7 @@ from planlang.language.process_module import ModuleOnce, ProcessModule, stated_a
 from planlang.ontology import expand, shorten
 from planlang.progress import Report, unreported
 from planlang.protocols import RobotInterface, Solution
-from planlang.state import Hold, restored, saved
+from planlang.state import restored, saved
 from planlang.words import Blank, Option, Text
 from sim import PlanningWorld, Scene, WorldMirror, perturb
 
@@ -75,10 +75,7 @@ def world_at_start(
         message = "no link has a shape (<collision> or <visual>): collisions cannot be checked"
         raise BadInput([error("B015", message, Span(str(robot.urdf)))])
     if held:
-        state = world.world_state(robot.name)
-        for one in held:
-            state = state.gripped(one.body.name, Hold(one.arm, one.link, one.offset))
-        world = WorldMirror(world, robot.name).at(state)
+        world = WorldMirror(world, robot.name).at(gripping(world.world_state(robot.name), held))
     if start is not None:
         _check_start(world)
     now = world.configuration()
@@ -277,7 +274,7 @@ class RobotExecutive:
                 return self.platform.resolver.holds(where)
             case Condition("located", (Location() as where, Object() as what)):
                 return self.platform.resolver.holds(where, what)
-        decided = decide(condition, self.platform.belief, self.platform.scene.world)
+        decided = decide(condition, self.platform.belief, self.platform.scene.mirror.queries)
         if decided is not None:
             return decided
         raise ValueError(

@@ -16,13 +16,13 @@ from executive.modules.bundled import bundled_registry
 from executive.modules.platform import Platform
 from executive.options.running import RunSettings, header_entries
 from executive.robots import FindingKind, Missing, Robot, bind_robot, missing_capabilities, trusting_map
-from executive.robots.arms import with_carrying
+from executive.robots.arms import InHand, with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of, real_scene, world_at_start
 from executive.runs.ended_run import EndedRun
 from executive.runs.failure import Failure, line_of_user
 from executive.runs.files import RecipeFile
 from executive.runs.final_state import state_lines
-from executive.runs.in_hands import InHand, in_hands, take
+from executive.runs.in_hands import in_hands, take
 from executive.runs.inputs import Inputs
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.parameters import (
@@ -184,7 +184,7 @@ class Run:
         )
         held = in_hands(robot, subject.map, subject.scene)
         if not assessment.missing or options.force:
-            robot = with_carrying(robot, [(one.link, one.body, one.offset) for one in held], options.long_work)
+            robot = with_carrying(robot, held, options.long_work)
         advice = self._advise_trust(robot, assessment)
         found += (*robot.diagnostics, *assessment.notes(self.files.plan), *advice)
         self._context = partial(self._page_context, subject, tuple(found), advice, assessment.missing)

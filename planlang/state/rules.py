@@ -26,6 +26,10 @@ PUDDLE = (0.14, 0.14, 0.008)
 """Size of a puddle if its class states none [m]."""
 
 
+ROUNDING = 1e-6
+"""Error of a sum over many steps [s]."""
+
+
 def _unknown(cls: str) -> Size | None:
     return None
 

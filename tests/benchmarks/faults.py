@@ -5,8 +5,8 @@
     python -m tests.benchmarks.faults --scripted 100             scripted runs of bundled recipes, in virtual time
 
 Which requests fail is drawn by the seed, those of recoveries among them; with which failure, too, by the class of the
-action (tests/support/random_faults.py). A run is served when its plan says so and its goal holds in the simulator's truth;
-a plan that says so without is a false success, for which the exit code is 1. So it is if fewer are served than
+action (tests/support/random_faults.py). A run is served when its plan says so and its goal holds in the simulator's
+truth; a plan that says so without is a false success, for which the exit code is 1. So it is if fewer are served than
 ``--least`` asks for.
 """
 

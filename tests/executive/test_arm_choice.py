@@ -13,9 +13,8 @@ import pytest
 from executive.modules.arm_choices import ArmChoices
 from executive.modules.gripper import Grasping
 from executive.robots import bind_robot
-from executive.robots.arms import with_carrying
+from executive.robots.arms import InHand, with_carrying
 from executive.runs.assembly import world_at_start
-from executive.runs.in_hands import InHand
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file
 from planlang import VirtualHost, checkpoint, par, perform, run, seq
@@ -24,6 +23,7 @@ from planlang.diagnostics import BadInput
 from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.protocols import Solution
+from planlang.state import Hold
 from sim import Body, Scene
 from tests.executive.conftest import CABINET, PLACE, MakeStage
 
@@ -186,13 +186,13 @@ def test_a_robot_starts_where_its_arms_have_room_too(robot: Path) -> None:
 def test_a_robot_that_holds_something_starts_where_that_has_room_too() -> None:
     pole, amigo = Body("pole", Pose((0.0, 0.0, -100.0)), (0.8, 0.03, 0.03)), bind_robot("amigo")
     arm = amigo.arm("right")
-    held = InHand(arm.name, arm.tip, pole, Pose((0.35, 0.0, 0.0)))
-    robot, scene = with_carrying(amigo, [(held.link, pole, held.offset)]), Scene((SHELF, pole), (-3, -3, 3, 3))
+    held = InHand(pole, Hold(arm.name, arm.tip, Pose((0.35, 0.0, 0.0))))
+    robot, scene = with_carrying(amigo, [held]), Scene((SHELF, pole), (-3, -3, 3, 3))
     with ExitStack() as stack:
         bare, full = (world_at_start(scene, robot, None, stack, things) for things in ((), (held,)))
         for world in (bare, full):
-            world.set_pose("pole", world.link_pose(held.link) @ held.offset)
-            world.attach(held.link, "pole")
+            world.set_pose("pole", world.link_pose(held.hold.link) @ held.hold.offset)
+            world.attach(held.hold.link, "pole")
         assert "shelf" in bare.touched_since_grasp("pole")
         assert "shelf" not in full.touched_since_grasp("pole")
 

@@ -8,8 +8,9 @@ import pytest
 from planlang.changes import Change, Output, Poured, Simulated, Switched, Transformed, TurnedOver
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
-from planlang.state import Hold, Made, Matter, Portion, WorldState, apply, flow, restored, saved, type_of, warm
+from planlang.state import Hold, Made, Matter, Portion, WorldState, apply, flow, restored, saved, warm
 from planlang.state.matter import ON
+from planlang.state.questions import type_of
 from planlang.state.rules import Heating, Rules
 
 CUP, PLATE = Pose((1.0, 0.0, 0.8)), Pose((1.5, 0.0, 0.8))

@@ -14,7 +14,6 @@ from executive.belief.knowledge import Source
 from executive.belief.map_writing import map_text
 from executive.belief.obstacles import MOST, NAMES, with_store
 from executive.maps import SemanticMap, read_map, scene_of
-from executive.maps.semantic_map import MapObject
 from executive.robots import Robot, bind_robot
 from planlang.designators import Object, an_object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
@@ -22,7 +21,7 @@ from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.ontology import load
 from planlang.protocols import Configuration, Detection
-from planlang.state import Grip
+from planlang.state import Grip, Made
 from sim import PlanningWorld, WorldMirror
 from tests.support.world_values import value_of
 
@@ -295,10 +294,10 @@ def test_a_restored_belief_has_the_memory_that_was_left(belief: Belief, semantic
     belief.bind(Object("DrinkingBottle"), HERE)
     belief.not_seen("cup1", HERE)
     belief.not_there("bottle2")
-    belief.came_to_be(
-        MapObject("", "pancake", ("http://knowrob.org/kb/knowrob.owl#Pancake",), None, (0.1, 0.1, 0.01)),
-        Pose((1.0, 1.0, 1.0)),
-    )
+    pancake = Made("Pancake", (0.1, 0.1, 0.01), Pose((1.0, 1.0, 1.0)))
+    poses = {**belief.state.poses, "pancake": pancake.at}
+    belief.happened(replace(belief.state, poses=poses, made={"pancake": pancake}))
+    belief.learn()
     belief.recognises_by(belief.memory.recognition.without("vision"))
     belief.base_moved()
     fresh.restore(json.loads(json.dumps(belief.snapshot())))
