@@ -6,10 +6,12 @@ in steps; nothing here is random.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
+from planlang.changes import Simulated
 from planlang.geometry import Pose
 from planlang.geometry.matrices import turned_up
 from planlang.records import dataclass
@@ -37,6 +39,7 @@ class Enacted(Protocol):
     """The world in which processes go on."""
 
     matter: Matter
+    simulated: Simulated
     held: dict[str, HeldObject]
     gravity: Falling
 
@@ -55,10 +58,6 @@ class Processes:
         self.riding: dict[str, Riding] = {}
         self.heights: dict[str, float] = {}
         """Tool -> height of its blade one step earlier [m]."""
-        self.flowed: dict[str, float] = {}
-        """Vessel -> volume that has flowed out of it [ml]."""
-        self.carried: dict[str, int] = {}
-        """Thing -> number of times that a blade took it along."""
 
     def step(self, seconds: float) -> None:
         """Advance by some seconds: flow, blades, heat."""
@@ -75,7 +74,9 @@ class Processes:
                 mouth = pose @ Pose((0.0, 0.0, body.size[2] / 2))
                 amount = self._queries.rules.flow_rate * seconds
                 state, flowed, _ = flow(self._world.world_state(), name, amount, mouth.position, self._queries)
-                self.flowed[name] = self.flowed.get(name, 0.0) + flowed
+                so_far = self._world.simulated
+                flows = {**so_far.flowed, name: so_far.flowed.get(name, 0.0) + flowed}
+                self._world.simulated = replace(so_far, flowed=flows)
                 self._world.enact(state)
 
     def carry(self) -> None:
@@ -127,7 +128,9 @@ class Processes:
             if np.linalg.norm(local - np.clip(local, -half, half)) <= NEAR_BLADE:
                 side = 1.0 if blade.rotation[2, 2] > 0 else -1.0
                 self.riding[thing] = Riding(tool, self._bodies.poses[tool].inverse() @ place, side)
-                self.carried[thing] = self.carried.get(thing, 0) + 1
+                so_far = self._world.simulated
+                carried = {**so_far.carried, thing: so_far.carried.get(thing, 0) + 1}
+                self._world.simulated = replace(so_far, carried=carried)
                 self._world.gravity.stop(thing)
 
     def _blade(self, tool: str) -> Pose:

@@ -194,8 +194,8 @@ class PyBulletWorld(KinematicScene):
         self._processes = Processes(self, self.queries)
         self._movers = Movers(scene.movers, self._bodies.poses, self._bodies.place, rate)
         self._motions: dict[str, Playback] = {}
-        self._switched: dict[str, int] = {}
-        """Device -> number of times that a hand has switched it."""
+        self.simulated = Simulated()
+        """What has happened by physics so far."""
         self._controls = Controls(
             scene.controls, self.condition, self._switch, self._leaves.values, self._leaves.joints
         )
@@ -368,11 +368,6 @@ class PyBulletWorld(KinematicScene):
 
     # Changes of things: implements planlang.changes.Physics
 
-    @property
-    def simulated(self) -> Simulated:
-        """What has happened by physics so far."""
-        return Simulated(dict(self._processes.flowed), dict(self._processes.carried), dict(self._switched))
-
     def bring_about(self, change: Change, since: Simulated | None = None) -> bool:
         """Let a declared effect come true, as far as it has not happened by physics ``since`` an earlier moment.
 
@@ -413,7 +408,8 @@ class PyBulletWorld(KinematicScene):
 
     def _switch(self, device: str, state: str) -> None:
         """Switch a device by hand, which is no change by an action's effects."""
-        self._switched[device] = self._switched.get(device, 0) + 1
+        switched = self.simulated.switched
+        self.simulated = replace(self.simulated, switched={**switched, device: switched.get(device, 0) + 1})
         self.matter = self.matter.switched(device, state)
 
     def falling(self, name: str) -> bool:
