@@ -307,15 +307,11 @@ class Belief(KnownThings):
 
     def snapshot(self) -> dict[str, Any]:
         """Convert the belief to JSON; poses that equal the map's are left out."""
-        return {"revision": self.revision, **dump_belief(self.state, self.memory)}
+        return dump_belief(self.state, self.memory, self.revision)
 
     def restore(self, left: Mapping[str, Any]) -> None:
         """Restore the belief of :meth:`snapshot`. Raises ValueError if it is malformed or belongs to another map."""
-        try:
-            self.revision = int(left["revision"])
-            self.state, self.memory = load_belief(left, self.state, self.memory, self.joints)
-        except (KeyError, TypeError, AttributeError) as problem:
-            raise ValueError(f"the state of the belief is damaged: {problem!r}") from None
+        self.state, self.memory, self.revision = load_belief(left, self.state, self.memory, self.joints)
 
     # Hypotheses
 

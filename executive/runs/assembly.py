@@ -42,7 +42,6 @@ from planlang.language.process_module import ModuleOnce, ProcessModule, stated_a
 from planlang.ontology import expand, shorten
 from planlang.progress import Report, unreported
 from planlang.protocols import RobotInterface, Solution
-from planlang.state import restored, saved
 from planlang.words import Blank, Option, Text
 from sim import PlanningWorld, Scene, WorldMirror, perturb
 
@@ -318,21 +317,14 @@ class RobotExecutive:
         return {"base": list(self.platform.base()), **changed_since(self._start, self._believed())}
 
     def _believed(self) -> dict[str, Any]:
-        platform = self.platform
-        return {
-            "belief": platform.belief.snapshot(),
-            "things": saved(platform.belief.state),
-            "leaning": sorted(platform.leaning),
-        }
+        return {**self.platform.belief.snapshot(), "leaning": sorted(self.platform.leaning)}
 
     def restore(self, changed: Mapping[str, Any]) -> None:
         """Restore the belief from a snapshot. Raises ValueError if it does not fit."""
         platform = self.platform
         try:
             left = with_changes(self._start, changed)
-            known = {body.name for body in platform.scene.world.scene.bodies}
-            platform.belief.happened(restored(platform.belief.state, left["things"], known))
-            platform.belief.restore(left["belief"])
+            platform.belief.restore(left)
             platform.leaning.update(map(str, left["leaning"]))
             self._effects.restored()
         except (KeyError, TypeError, AttributeError) as problem:

@@ -8,7 +8,6 @@ state after a change by an action, :func:`flow` and :func:`warm` what flow and h
 from planlang.state.applying import apply, flow, warm
 from planlang.state.matter import Matter, Portion
 from planlang.state.questions import Queries, is_free
-from planlang.state.saving import restored, saved
 from planlang.state.world import Grip, Hold, Made, WorldState
 
 __all__ = [
@@ -22,7 +21,5 @@ __all__ = [
     "apply",
     "flow",
     "is_free",
-    "restored",
-    "saved",
     "warm",
 ]

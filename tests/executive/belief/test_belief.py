@@ -302,7 +302,23 @@ def test_a_restored_belief_has_the_memory_that_was_left(belief: Belief, semantic
     belief.base_moved()
     fresh.restore(json.loads(json.dumps(belief.snapshot())))
     assert fresh.memory == belief.memory
-    assert fresh.state.poses == belief.state.poses
+    assert (fresh.state.poses, fresh.state.made) == (belief.state.poses, belief.state.made)
+
+
+@pytest.mark.parametrize(
+    ("key", "damage"),
+    [
+        ("matter", {}),
+        ("matter", {"contents": {"nothing": []}}),
+        ("created", [["bottle1", "Dough", "box", [1, 1, 1], [0, 0, 0, 0, 0, 0, 1]]]),
+        ("created", [["x", "Dough", "box", [1, 1, -1], [0, 0, 0, 0, 0, 0, 1]]]),
+        ("created", 5),
+    ],
+)
+def test_a_damaged_state_is_refused(belief: Belief, key: str, damage: object) -> None:
+    left = belief.snapshot()
+    with pytest.raises(ValueError, match=r"."):
+        belief.restore({**left, "things": {**left["things"], key: damage}})
 
 
 def test_what_a_person_took_is_out_of_the_planning_world_until_it_is_grasped_again(
