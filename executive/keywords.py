@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from executive import api
 from executive.commands.checked import CheckResult
-from executive.commands.resources import check_memory
 from executive.options.declaring import declared, made
 from executive.options.recipes import CheckOptions, CompileOptions
 from executive.options.running import LocateOptions, RunSettings, Source, SweepOptions
 from planlang.diagnostics import BadInput, Severity
+from planlang.machine import check_memory
 
 if TYPE_CHECKING:
     from executive.runs.located import Located

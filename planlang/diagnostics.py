@@ -163,9 +163,21 @@ GO_ON = Text(Option("ignore_unread", True), " goes on without it")
 def unread(code: str, message: str, span: Span | None = None, help: str | None = None) -> Diagnostic:
     """Make an error about something of a map that has a shape or a pose, and is not in the world as the map states it.
 
-    The option ``ignore_unread`` makes a warning of it.
+    It would be an obstacle that nobody sees, or a thing at another place. Where a map states no shape at all, nothing
+    is unread: the object is a mere place. The option ``ignore_unread`` makes a warning of it.
     """
     return error(code, message, span, Text(help, "; ", GO_ON) if help else GO_ON)
+
+
+def settled(found: Iterable[Diagnostic], *, ignore_unread: bool) -> list[Diagnostic]:
+    """Return the diagnostics of reading a map; with ``ignore_unread``, its errors are warnings.
+
+    Otherwise raises BadInput with all of them if one is an error.
+    """
+    found = list(found)
+    if not ignore_unread and has_errors(found):
+        raise BadInput(found)
+    return [replace(one, severity=Severity.WARNING) if one.severity is Severity.ERROR else one for one in found]
 
 
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:

@@ -15,8 +15,7 @@ from executive.belief.obstacles import NAMES
 from executive.belief.recognition import VISION, Recognition
 from executive.maps.classes import is_kind
 from executive.maps.contents import is_content
-from executive.maps.namesakes import namesakes
-from executive.maps.semantic_map import MapObject, SemanticMap
+from executive.maps.semantic_map import MapObject, SemanticMap, namesakes
 from planlang.designators import Object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.geometry import Pose

@@ -7,33 +7,40 @@ import os
 import sys
 from collections.abc import Callable, Iterable
 from importlib import import_module
+from types import ModuleType
 from typing import Annotated, Any, NoReturn
 
 import typer
 
-from executive.cli import arguments as local
-from executive.cli import authoring_arguments as authoring
-from executive.cli import server_arguments as server
-from executive.cli.answers import Answer, ExitCode
-from executive.cli.base_arguments import Arguments
-from executive.cli.command_lines import Commands, command_of, parsed, with_parameters
-from executive.cli.console import answer, give, say, usage
-from executive.cli.usage import explain, guessed_value
-from executive.commands.resources import check_memory
+from executive.cli.arguments import Arguments
+from executive.cli.command_lines import Commands, command_of, explain, guessed_value, parsed, with_parameters
+from executive.cli.console import Answer, ExitCode, answer, give, say, usage
+from planlang.machine import check_memory
 
 _RUNNING = ("run", "sweep", "replay", "report", "locate", "enable", "show")
 """Commands that build the simulated world."""
 
 
+def _module(name: str) -> ModuleType:
+    """A file of this package, imported late: of many only those of one command are needed, and some are slow."""
+    return import_module(f"executive.cli.{name}")
+
+
+def _arguments(name: str, file: str) -> type[Arguments]:
+    """The arguments of a command: of ``sweep-merge`` they are ``SweepMergeArguments``."""
+    word = name.split()[-1].title().replace("-", "")
+    kind: type[Arguments] = getattr(_module(file), f"{word}Arguments")
+    return kind
+
+
 def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
-    """Make the function of a command. The module of the same name does the work, imported late as some are slow."""
+    """Make the function of a command. The module of the same name does the work."""
 
     def called(given: Arguments) -> None:
         def work() -> Answer:
             if name in _RUNNING:
                 check_memory()
-            word = name.split()[-1].replace("-", "_")
-            module = import_module(f"executive.cli.{word}")  # one command of many
+            module = _module(name.split()[-1].replace("-", "_"))
             reply: Answer = module.command(parsed(given))
             return reply
 
@@ -44,50 +51,52 @@ def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
     return with_parameters(name, arguments, called)
 
 
-_COMMANDS: tuple[tuple[str, type[Arguments], str], ...] = (
-    ("new", authoring.NewArguments, "project my_task"),
-    ("compile", local.CompileArguments, "serve_a_drink -o serve_a_drink.py --graph serve_a_drink.svg"),
-    ("check", local.CheckArguments, "my_recipe.owl --ontologies ../ontologies --fix"),
-    ("convert", local.ConvertArguments, "my_recipe.owl --to manchester -o my_recipe.omn"),
-    ("merge", local.MergeArguments, "hospital_room seen_today.omn -o room.omn"),
-    ("list", local.ListArguments, "classes bottle"),
-    ("show", local.ShowArguments, "hospital_room -o room.png --view top"),
-    ("match", local.MatchArguments, "serve_a_drink --robot amigo"),
-    ("run", local.RunArguments, "serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),
-    ("sweep", local.SweepArguments, "serve_a_drink --worlds 100 --output drinks.jsonl"),
-    ("sweep-merge", local.SweepMergeArguments, "shard1.jsonl shard2.jsonl --output drinks.jsonl"),
-    ("sweep-table", local.SweepTableArguments, "drinks.jsonl --csv drinks.csv"),
-    ("enable", local.EnableArguments, "serve_a_drink --robot amigo --from http://localhost:8080 --run"),
-    ("replay", local.ReplayArguments, "run.jsonl"),
-    ("report", local.ReportArguments, "run.jsonl --output run.html"),
-    ("export", local.ExportArguments, "run.jsonl --to neem -o experience"),
+RUNS, AUTHORING, SERVER = "arguments", "authoring_arguments", "server_arguments"
+"""Files of arguments."""
+_COMMANDS: tuple[tuple[str, str, str], ...] = (
+    ("new", AUTHORING, "project my_task"),
+    ("compile", AUTHORING, "serve_a_drink -o serve_a_drink.py --graph serve_a_drink.svg"),
+    ("check", AUTHORING, "my_recipe.owl --ontologies ../ontologies --fix"),
+    ("convert", AUTHORING, "my_recipe.owl --to manchester -o my_recipe.omn"),
+    ("merge", AUTHORING, "hospital_room seen_today.omn -o room.omn"),
+    ("list", AUTHORING, "classes bottle"),
+    ("show", AUTHORING, "hospital_room -o room.png --view top"),
+    ("match", AUTHORING, "serve_a_drink --robot amigo"),
+    ("run", RUNS, "serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),
+    ("sweep", RUNS, "serve_a_drink --worlds 100 --output drinks.jsonl"),
+    ("sweep-merge", RUNS, "shard1.jsonl shard2.jsonl --output drinks.jsonl"),
+    ("sweep-table", RUNS, "drinks.jsonl --csv drinks.csv"),
+    ("enable", RUNS, "serve_a_drink --robot amigo --from http://localhost:8080 --run"),
+    ("replay", RUNS, "run.jsonl"),
+    ("report", RUNS, "run.jsonl --output run.html"),
+    ("export", RUNS, "run.jsonl --to neem -o experience"),
     (
         "locate",
-        local.LocateArguments,
+        RUNS,
         '"in reach of the patient with the right arm" --robot amigo --environment hospital_room --explain where.png',
     ),
-    ("serve", server.ServeArguments, "--store kb.sqlite --port 8080"),
-    ("backup", server.BackupArguments, "kb.sqlite kb-2026-11-28.sqlite"),
+    ("serve", SERVER, "--store kb.sqlite --port 8080"),
+    ("backup", SERVER, "kb.sqlite kb-2026-11-28.sqlite"),
     (
         "search",
-        server.SearchArguments,
+        SERVER,
         '"ServingFoodOrDrink and objectActedOn some DrinkingBottle" --robot amigo --from URL',
     ),
-    ("pull", server.PullArguments, "serveadrink.ward -o pulled --from URL"),
-    ("push", server.PushArguments, "my_recipe.owl --kind recipe --name ward --to URL --key-file my.key"),
-    ("rate", server.RateArguments, "serveadrink.ward 8 --to URL --key-file my.key"),
-    ("delete", server.DeleteArguments, "serveadrink.ward --file pouring.py --from URL --key-file my.key"),
-    ("watch", server.WatchArguments, "serveadrink.ward --from URL --key-file my.key"),
-    ("robot inspect", local.InspectArguments, "amigo --picture reach.png"),
-    ("robot make", local.MakeArguments, "my_arm.urdf -o my_arm.toml"),
+    ("pull", SERVER, "serveadrink.ward -o pulled --from URL"),
+    ("push", SERVER, "my_recipe.owl --kind recipe --name ward --to URL --key-file my.key"),
+    ("rate", SERVER, "serveadrink.ward 8 --to URL --key-file my.key"),
+    ("delete", SERVER, "serveadrink.ward --file pouring.py --from URL --key-file my.key"),
+    ("watch", SERVER, "serveadrink.ward --from URL --key-file my.key"),
+    ("robot inspect", AUTHORING, "amigo --picture reach.png"),
+    ("robot make", AUTHORING, "my_arm.urdf -o my_arm.toml"),
 )
-"""Name, arguments and example of each command."""
+"""Name, file of the arguments, and example of each command."""
 
 
 _EXIT_CODES = "Exit codes: 0 done, 1 the plan failed, 2 bad input, 3 robot or program lacks something, 130 interrupted."
 
 
-def app_of(commands: Iterable[tuple[str, type[Arguments], str]]) -> typer.Typer:
+def app_of(commands: Iterable[tuple[str, str, str]]) -> typer.Typer:
     """Make the command line of some commands."""
     made = typer.Typer(
         cls=Commands,
@@ -103,7 +112,8 @@ def app_of(commands: Iterable[tuple[str, type[Arguments], str]]) -> typer.Typer:
     robot_app = typer.Typer(cls=Commands, no_args_is_help=True, rich_markup_mode=None, help=about_robots)
     robot_app.callback()(robots_command)
     made.add_typer(robot_app, name="robot")
-    for name, arguments, example in commands:
+    for name, file, example in commands:
+        arguments = _arguments(name, file)
         # without a short help, click cuts the first sentence off after 45 characters
         summary = (arguments.__doc__ or "").partition(".")[0] + "."
         group = robot_app if name.startswith("robot") else made

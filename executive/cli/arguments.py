@@ -1,4 +1,8 @@
-"""Arguments of commands: fields are parameters, the docstring is the help; those of the API's have its options."""
+"""Arguments of commands: fields are parameters, the docstring is the help; those of the API's have its options.
+
+Options that commands share come first, then the commands that run plans, and those that show runs. Other commands have
+theirs in ``authoring_arguments`` and ``server_arguments``: a run reads only what it needs.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +10,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
-from executive.cli.base_arguments import Arguments, Detail, OntologyArguments, TaskArguments
 from executive.options.declaring import argument, option
-from executive.options.recipes import CheckOptions, CompileOptions
 from executive.options.running import (
     Accept,
     Csv,
@@ -17,69 +19,67 @@ from executive.options.running import (
     IgnoreUnread,
     LocateOptions,
     Modules,
-    Recipe,
+    OntologyOptions,
     Robot,
     RunSettings,
     Set,
     SituationSettings,
     Start,
     SweepOptions,
+    TaskOptions,
     Trust,
-    Units,
     Urdf,
 )
+from planlang.diagnostics import WrongOption
 from planlang.records import dataclass
-
-Output = Annotated[
-    Path | None, option("-o", "--output", metavar="FILE", help="Write the text to this file instead of stdout.")
-]
+from planlang.words import Option
 
 
-class Syntax(Enum):
-    """Output syntaxes; repeated here as the module of the writers is slow to import."""
+class Detail(Enum):
+    """How many of its notes and warnings a command prints; it prints all errors."""
 
-    MANCHESTER = "manchester"
-    TURTLE = "turtle"
-    NTRIPLES = "ntriples"
-    RDFXML = "rdfxml"
-    FUNCTIONAL = "functional"
-    OWLXML = "owlxml"
-
-
-class Listed(Enum):
-    """What ``list`` lists."""
-
-    ROBOTS = "robots"
-    ROOMS = "rooms"
-    RECIPES = "recipes"
-    CLASSES = "classes"
-    ACTIONS = "actions"
-    RELATIONS = "relations"
-    FAILURES = "failures"
+    NONE = "none"
+    CODES = "codes"
+    """The first of each code, with the number of others: many would hide the result."""
+    ADVICE = "advice"
+    """The first of each code and advice: for commands whose result they are."""
+    ALL = "all"
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompileArguments(CompileOptions, Arguments):
-    """Compile a recipe to a plan in Python.
+class Arguments:
+    """Options of every command."""
 
-    With --output, an unedited copy is also written beside the plan, PLAN.base, for --merge to find your edits.
-    Exit code 1: the merge has conflicts, which are marked in the plan as git marks them.
-    """
+    json: Annotated[bool, option(help="Print one JSON object to stdout.")] = False
+    verbose: Annotated[bool, option(help="List all notes and warnings, not only the first of each code.")] = False
+    quiet: Annotated[bool, option(help="Print only errors to stderr, and no progress.")] = False
 
-
-@dataclass(frozen=True, kw_only=True)
-class CheckArguments(CheckOptions, Arguments):
-    """Check a recipe, a plan or a map; nothing is run.
-
-    Recipe: lists all problems; only the first of several with the same advice. Folder: prints a table of its recipes.
-    Map: counts its contents; with --verbose lists them.
-    Plan: shows whether its recipe or the compiler has changed since it was compiled, and what was edited by hand.
-    """
+    @property
+    def detail(self) -> Detail:
+        """How many notes and warnings to print. Raises WrongOption for contradictory options."""
+        if self.quiet and self.verbose:
+            raise WrongOption(Option("quiet"), " and ", Option("verbose"), " exclude each other")
+        return Detail.NONE if self.quiet else Detail.ALL if self.verbose else self.summed
 
     @property
     def summed(self) -> Detail:
-        """Print every advice: a check is run for it."""
-        return Detail.ADVICE
+        """How many to print by default."""
+        return Detail.CODES
+
+    @property
+    def is_silent(self) -> bool:
+        """True if only results and diagnostics are printed."""
+        return self.json or self.quiet
+
+
+@dataclass(frozen=True, kw_only=True)
+class OntologyArguments(OntologyOptions, Arguments):
+    """Options of commands that read ontologies."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TaskArguments(TaskOptions, Arguments):
+    """Options of commands that read recipes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,55 +104,6 @@ class SweepArguments(SweepOptions, Arguments):
     The worlds are those of planlang run --seed 1, 2, ...: the same robot and map, with things displaced.
     Exit code 1: in some worlds the plan failed or the run crashed.
     """
-
-
-@dataclass(frozen=True, kw_only=True)
-class ListArguments(Arguments):
-    """List bundled robots, rooms and recipes, or the classes, location relations and failures that may be named.
-
-    The actions are those that bundled process modules perform.
-    Lists of classes and failures are trees: with WORD, an asterisk marks the hits among their ancestors and subclasses.
-    Exit code 1: no word of a name, label or description begins with WORD.
-    """
-
-    kind: Annotated[Listed, argument(help="What to list.", shows_default=False)]
-    word: Annotated[
-        str | None,
-        argument(metavar="WORD", help="List only entries whose name or description has a word that begins so."),
-    ] = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class ShowArguments(TaskArguments):
-    """Show the contents of a file: a recipe, a plan, a trace, a map or a robot.
-
-    Prints the steps of a recipe or plan as a tree, the contents of a map, the parts of a robot, the course of a run.
-    With --output also draws it (maps and robots: PNG; recipes: SVG, PNG, DOT or Mermaid; traces: an HTML page).
-    """
-
-    file: Annotated[str, argument(metavar="FILE", help="A file, or the name of a bundled recipe, robot or room.")]
-    output: Annotated[
-        Path | None,
-        option("-o", "--output", metavar="FILE", help="Draw to this file; the suffix selects the format."),
-    ] = None
-    view: Annotated[
-        str | None,
-        option(metavar="VIEW", help="Viewpoint for a map or robot [m]: X,Y,Z or X,Y,Z:X,Y,Z, overview, or top."),
-    ] = None
-    ignore_unread: IgnoreUnread = False
-    force: Force = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class ConvertArguments(Arguments):
-    """Convert an ontology, such as a recipe, to another syntax, and list what is lost."""
-
-    file: Annotated[str, argument(metavar="FILE", help="An ontology file, in any supported syntax.")]
-    to: Annotated[Syntax, option("--syntax", "--to", help="The target syntax.", shows_default=False)]
-    output: Output = None
-    units: Units = None
-    ignore_unread: IgnoreUnread = False
-    force: Force = False
 
 
 class Form(Enum):
@@ -184,39 +135,6 @@ class ExportArguments(Arguments):
         option(metavar="FILE", help="Also use the pose log that planlang run --poses wrote of this run."),
     ] = None
     force: Force = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class MergeArguments(OntologyArguments):
-    """Merge maps of one place, in one frame, and list conflicts.
-
-    The newest pose of each thing wins; for equally new poses, and for all other facts, the map named later wins.
-    """
-
-    maps: Annotated[
-        list[str], argument(metavar="MAP...", help="Map files (OWL or URDF), or names of bundled environments.")
-    ]
-    output: Annotated[
-        Path | None,
-        option("-o", "--output", metavar="FILE", help="Write the map to this file instead of stdout."),
-    ] = None
-    ignore_unread: IgnoreUnread = False
-    force: Force = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class MatchArguments(TaskArguments):
-    """Check whether a robot has what a recipe requires, and explain why.
-
-    Exit code 0: the robot has it; 3: something is missing; 1: unknown. --task may name any action class, even one
-    without sub-actions. planlang enable searches a knowledge base for what is missing.
-    """
-
-    recipe: Recipe
-    robot: Robot = None
-    urdf: Urdf = None
-    modules: Modules = None
-    trust: Trust = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -310,46 +228,6 @@ class ReplayArguments(TaskArguments):
     accept: Accept = None
     modules: Modules = None
     trust: Trust = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class InspectArguments(Arguments):
-    """Show a robot's joints and postures, what its hands hold, its reach and doorways, and what is missing.
-
-    Exit code 3 if the robot has no arm.
-    """
-
-    robot: Annotated[str, argument(metavar="ROBOT", help="A robot file, or the name of a bundled robot.")]
-    urdf: Urdf = None
-    picture: Annotated[
-        Path | None, option(metavar="FILE", help="Draw the robot, its hands and its reach, as PNG or SVG.")
-    ] = None
-    record: Annotated[
-        Path | None,
-        option(metavar="FILE", help="Write the reach as a recording for rerun (needs the extra record)."),
-    ] = None
-    force: Force = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class MakeArguments(Arguments):
-    """Make a robot file (TOML) from a URDF, for you to complete.
-
-    A comment gives the reason for each derived value; missing values are comments, too.
-    """
-
-    urdf: Annotated[Path, argument(metavar="URDF", help="The robot's URDF.")]
-    srdf: Annotated[
-        Path | None,
-        option(metavar="FILE", help="The robot's SRDF; default: the file of the same name beside the URDF."),
-    ] = None
-    output: Output = None
-    force: Force = False
-
-    @property
-    def summed(self) -> Detail:
-        """Print every missing part: the user has to complete the file."""
-        return Detail.ADVICE
 
 
 @dataclass(frozen=True, kw_only=True)

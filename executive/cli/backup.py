@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from executive.cli.answers import Answer
+from executive.cli.console import Answer
 from executive.cli.server_arguments import BackupArguments
 from executive.runs.files import refuse
 from planlang.diagnostics import BadInput, error

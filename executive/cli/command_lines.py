@@ -1,4 +1,4 @@
-"""Commands from dataclasses: parameters of typer from declared options."""
+"""Commands from dataclasses: parameters of typer from declared options, and what is said of wrong usage."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from typing import Annotated, Any, TypeVar, get_args
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from executive.cli.base_arguments import Arguments
+from executive.cli.arguments import Arguments
 from executive.options.declaring import Stated, declared
+from planlang.spelling import guess
 from planlang.words import COMMAND_LINE, said
 
 A = TypeVar("A", bound=Arguments)
@@ -157,3 +158,31 @@ def _own(arguments: type[Arguments]) -> list[type]:
 def _value(stated: Stated, given: Any) -> Any:
     """What the words of an option mean."""
     return given if stated.declared.parse is None or given in (None, []) else stated.value(given)
+
+
+# Usage errors: the message and a guess at what was meant, taken from the messages of typer
+
+_ADVICE = re.compile(r"\s*(?:\((Possible options: [^)]*)\)|(Did you mean .*\?))\s*$")
+_CHOICE = re.compile(r"'([^']*)' is not one of ('.*')")
+
+
+def explain(problem: Any) -> tuple[str, str, str]:
+    """Split a usage error into command ("" for ``planlang`` itself), message and advice."""
+    path = problem.ctx.command_path if problem.ctx is not None else "planlang"
+    message = problem.format_message()
+    advice = _ADVICE.search(message)
+    if getattr(problem, "option_name", None) == "--json":  # --json belongs to a command, and none was named
+        return path.removeprefix("planlang").strip(), "Missing command.", f"{path} -h lists the commands"
+    text = _ADVICE.sub("", message)
+    if advice is not None:
+        help = advice[1] or advice[2]
+        help = help[0].lower() + help[1:]
+    else:
+        help = guessed_value(message) or f"{path} -h shows how it is used"
+    return path.removeprefix("planlang").strip(), text, help
+
+
+def guessed_value(message: str) -> str:
+    """Guess which value of an option was meant; "" if none is similar."""
+    match = _CHOICE.search(message)
+    return guess(match[1], re.findall(r"'([^']*)'", match[2])).strip() if match is not None else ""

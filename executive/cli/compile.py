@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from executive import api
-from executive.cli.answers import Answer, ExitCode
-from executive.cli.arguments import CompileArguments
+from executive.cli.authoring_arguments import CompileArguments
+from executive.cli.console import Answer, ExitCode
 from executive.commands.compile import CONFLICT
 from planlang.plan_versions import backup_path
 

@@ -1,4 +1,4 @@
-"""Output of the command: diagnostics and progress on stderr, results on stdout, with ``--json`` as one JSON object."""
+"""The result of a command, and its output: diagnostics and progress on stderr, the rest on stdout, or all as JSON."""
 
 from __future__ import annotations
 
@@ -9,19 +9,45 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import replace
+from dataclasses import field, replace
+from enum import IntEnum
 from typing import Any
 
 import typer
 
-from executive.cli.answers import Answer, ExitCode
-from executive.cli.base_arguments import Arguments, Detail
+from executive.cli.arguments import Arguments, Detail
 from executive.cli.progress import PROGRESS
-from executive.commands.resources import file_problem, out_of_resources
 from planlang.diagnostics import BadInput, Diagnostic, Severity, WrongOption
+from planlang.machine import file_problem, out_of_resources
 from planlang.progress import Report, unreported
+from planlang.records import dataclass
 from planlang.visible import visible
 from planlang.words import COMMAND_LINE, said
+
+
+class ExitCode(IntEnum):
+    """Exit codes of the command; after a signal, 128 plus its number: 130 for Ctrl-C."""
+
+    DONE = 0
+    FAILED = 1
+    BAD_INPUT = 2
+    MISSING_CAPABILITY = 3
+    INTERNAL_ERROR = 70
+    OUT_OF_RESOURCES = 71
+    INTERRUPTED = 130
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Result of a command."""
+
+    exit_code: ExitCode = ExitCode.DONE
+    diagnostics: tuple[Diagnostic, ...] = ()
+    text: str = ""
+    """The result for people, printed to stdout."""
+    data: Mapping[str, Any] = field(default_factory=dict)
+    """The result for machines: further keys of the JSON object."""
+
 
 _COLOURS = {Severity.ERROR: typer.colors.RED, Severity.WARNING: typer.colors.YELLOW, Severity.NOTE: typer.colors.CYAN}
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from executive.cli.answers import Answer
-from executive.cli.arguments import ConvertArguments
-from executive.maps.unread import settled
+from executive.cli.authoring_arguments import ConvertArguments
+from executive.cli.console import Answer
 from executive.runs.files import refuse
-from planlang.diagnostics import error
+from planlang.diagnostics import error, settled
 from planlang.files import Bundled
 from planlang.ontology import Literal
 from planlang.ontology.convert import Target, convert

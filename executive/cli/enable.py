@@ -9,9 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from executive.cli import run
-from executive.cli.answers import Answer, ExitCode
 from executive.cli.arguments import EnableArguments, RunArguments
-from executive.cli.console import say, show
+from executive.cli.console import Answer, ExitCode, say, show
 from executive.cli.match import possessions_in
 from executive.enabling.explanation import Explanation
 from executive.enabling.needs import Enabling

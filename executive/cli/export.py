@@ -11,8 +11,8 @@ from typing import Any
 
 import typer
 
-from executive.cli.answers import Answer
 from executive.cli.arguments import ExportArguments
+from executive.cli.console import Answer
 from executive.runs.files import refuse
 from executive.runs.traces import damaged
 from planlang.diagnostics import BadInput, Diagnostic, Span, warning

@@ -7,10 +7,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from executive.cli.answers import Answer, ExitCode
-from executive.cli.arguments import InspectArguments
+from executive.cli.authoring_arguments import InspectArguments
 from executive.cli.capabilities import capability_data, doorway_lines, holding_lines, holds_data, warning_lines
-from executive.cli.console import progress_of
+from executive.cli.console import Answer, ExitCode, progress_of
 from executive.locations.capabilities import ArmReach, Capabilities, capabilities_of
 from executive.locations.reachability import YAWS, GraspClass
 from executive.locations.reachability_maps import reachability_map

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import planlang.failures as failures
-from executive.cli.answers import Answer, ExitCode
-from executive.cli.arguments import ListArguments, Listed
+from executive.cli.authoring_arguments import ListArguments, Listed
+from executive.cli.console import Answer, ExitCode
 from executive.modules.bundled import bundled_registry
 from planlang.closure import reached
 from planlang.designators import local_name

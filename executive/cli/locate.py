@@ -5,9 +5,8 @@ from __future__ import annotations
 from functools import partial
 
 from executive import api
-from executive.cli.answers import Answer, ExitCode
 from executive.cli.arguments import LocateArguments
-from executive.cli.console import progress_of, waiting
+from executive.cli.console import Answer, ExitCode, progress_of, waiting
 
 
 def command(arguments: LocateArguments) -> Answer:

@@ -6,10 +6,9 @@ import os
 from pathlib import Path
 from typing import Any
 
-from executive.cli.answers import Answer
-from executive.cli.arguments import MakeArguments
+from executive.cli.authoring_arguments import MakeArguments
 from executive.cli.capabilities import capability_data, capability_lines, holds_data
-from executive.cli.console import progress_of, waiting
+from executive.cli.console import Answer, progress_of, waiting
 from executive.locations.capabilities import capabilities_of
 from executive.robots import CARRYING, bind_draft
 from executive.robots.arms import with_carrying

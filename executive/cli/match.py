@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from executive.cli.answers import Answer, ExitCode
-from executive.cli.arguments import MatchArguments
+from executive.cli.authoring_arguments import MatchArguments
+from executive.cli.console import Answer, ExitCode
 from executive.modules.bundled import performed_by
 from executive.robots import bind_robot, possessions_of
 from executive.robots.matching import Possessions

@@ -6,8 +6,8 @@ from typing import Any
 
 import typer
 
-from executive.cli.answers import Answer
-from executive.cli.arguments import MergeArguments
+from executive.cli.authoring_arguments import MergeArguments
+from executive.cli.console import Answer
 from executive.maps.merging import merge
 from executive.runs.files import environments, refuse
 from planlang.diagnostics import Diagnostic

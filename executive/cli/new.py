@@ -8,8 +8,8 @@ import re
 import sys
 from pathlib import Path
 
-from executive.cli.answers import Answer
 from executive.cli.authoring_arguments import NewArguments
+from executive.cli.console import Answer
 from executive.runs.files import refuse
 from planlang.diagnostics import BadInput, error
 from planlang.outputs import check_outputs, make_folder, write_text

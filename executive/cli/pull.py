@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from executive.cli.answers import Answer
+from executive.cli.console import Answer
 from executive.cli.server import ask, kind_of
 from executive.cli.server_arguments import PullArguments
 from planlang.diagnostics import warning

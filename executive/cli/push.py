@@ -8,7 +8,7 @@ from hashlib import sha256
 from mimetypes import guess_type
 from pathlib import Path
 
-from executive.cli.answers import Answer
+from executive.cli.console import Answer
 from executive.cli.server import ask, kind_of
 from executive.cli.server_arguments import PushArguments
 from executive.runs.files import check_files, refuse

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from executive.cli.answers import Answer
+from executive.cli.console import Answer
 from executive.cli.server import ask
 from executive.cli.server_arguments import RateArguments
 from planlang.knowledge.client import Client

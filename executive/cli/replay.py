@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from executive.cli.answers import Answer, ExitCode
 from executive.cli.arguments import ReplayArguments
+from executive.cli.console import Answer, ExitCode
 from executive.runs.options import RunOptions
 from executive.runs.plan_run import Run
 from executive.runs.prepared import prepared_to_replay

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from executive import api
-from executive.cli.answers import Answer
 from executive.cli.arguments import ReportArguments
-from executive.cli.console import progress_of, say
+from executive.cli.console import Answer, progress_of, say
 from executive.options.declaring import values_of
 from executive.options.running import SituationSettings
 from executive.runs.files import RecipeFile, read, refuse

@@ -6,9 +6,8 @@ from functools import partial
 from pathlib import Path
 
 from executive import api
-from executive.cli.answers import Answer, ExitCode
 from executive.cli.arguments import RunArguments
-from executive.cli.console import printer_of, progress_of, show, silent
+from executive.cli.console import Answer, ExitCode, printer_of, progress_of, show, silent
 from executive.runs.options import Outcome, RunOptions, RunResult
 from planlang.diagnostics import Diagnostic
 from planlang.progress import unreported

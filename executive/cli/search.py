@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from itertools import islice
 
-from executive.cli.answers import Answer
+from executive.cli.console import Answer
 from executive.cli.server import ask, kind_of
 from executive.cli.server_arguments import SearchArguments
 from executive.runs.files import chosen, refuse

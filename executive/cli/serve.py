@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
-from executive.cli.answers import Answer
+from executive.cli.console import Answer
 from executive.cli.server_arguments import ServeArguments
 from planlang.diagnostics import BadInput, error
 from planlang.extras import install_command

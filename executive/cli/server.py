@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from urllib.parse import urlsplit
 
-from executive.cli.answers import Answer, ExitCode
+from executive.cli.console import Answer, ExitCode
 from executive.cli.server_arguments import AuthorArguments, KindWord, ServerArguments
 from planlang.diagnostics import BadInput, error, warning
 from planlang.files import read_file

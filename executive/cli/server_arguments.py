@@ -6,7 +6,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
-from executive.cli.base_arguments import Arguments, OntologyArguments
+from executive.cli.arguments import Arguments, OntologyArguments
 from executive.options.declaring import argument, option
 from planlang.records import dataclass
 

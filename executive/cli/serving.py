@@ -7,8 +7,7 @@ from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
 
-from executive.cli.answers import Answer, ExitCode
-from executive.cli.console import printer_of, show
+from executive.cli.console import Answer, ExitCode, printer_of, show
 from executive.cli.server_arguments import ServeArguments
 from executive.processes.workers import Limits
 from executive.serving.access import Lines

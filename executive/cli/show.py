@@ -13,8 +13,10 @@ from typing import Any
 import typer
 
 from executive.cli import inspect, report
-from executive.cli.answers import Answer, answer_of
-from executive.cli.arguments import ReportArguments, ShowArguments
+from executive.cli.arguments import ReportArguments
+from executive.cli.authoring_arguments import ShowArguments
+from executive.cli.check import answer_of
+from executive.cli.console import Answer
 from executive.commands.check import check
 from executive.live.terminal import TerminalTree
 from executive.maps import read_map, scene_of

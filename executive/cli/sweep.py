@@ -8,9 +8,8 @@ from functools import partial
 from typing import Any
 
 from executive import api
-from executive.cli.answers import Answer, ExitCode
 from executive.cli.arguments import SweepArguments
-from executive.cli.console import printer_of, progress_of, say, show, silent
+from executive.cli.console import Answer, ExitCode, printer_of, progress_of, say, show, silent
 from executive.cli.progress import PROGRESS
 from executive.cli.sweep_table import counted, exit_code, write_csv
 from executive.sweeps import Row

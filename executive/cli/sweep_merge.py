@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from executive.cli.answers import Answer
 from executive.cli.arguments import SweepMergeArguments
+from executive.cli.console import Answer
 from executive.cli.sweep_table import answered, write_csv
 from executive.runs.files import refuse
 from executive.sweeps.files import merged, read_sweep, write_sweep

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from executive.cli.answers import Answer, ExitCode
 from executive.cli.arguments import SweepTableArguments
+from executive.cli.console import Answer, ExitCode
 from executive.runs.files import refuse
 from executive.runs.options import Outcome
 from executive.sweeps import Row

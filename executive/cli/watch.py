@@ -10,8 +10,7 @@ from dataclasses import asdict
 
 import typer
 
-from executive.cli.answers import Answer
-from executive.cli.console import printer_of, say
+from executive.cli.console import Answer, printer_of, say
 from executive.cli.server import ask
 from executive.cli.server_arguments import WatchArguments
 from planlang.diagnostics import BadInput, error

@@ -1,1 +1,1 @@
-"""What is done below :mod:`executive.api`: checks, compiling, sweeps; and what the machine has to have for it."""
+"""What is done below :mod:`executive.api`: checks, compiling, sweeps."""

@@ -9,9 +9,9 @@ from typing import Any
 
 from executive.options.declaring import made
 from executive.options.running import RunSettings
-from executive.runs.inputs import Inputs
 from executive.runs.options import Outcome, RunOptions
 from executive.runs.plan_run import run_plan_file
+from executive.runs.prepared import Inputs
 from planlang.outputs import make_folder
 from planlang.words import COMMAND_LINE, said
 

@@ -1,5 +1,7 @@
 """Classes of a map's things: those of other ontologies, matched by name, and the parts that class models state.
 
+Properties that nothing declares are reported if they are nearly those of maps: what they state would be lost.
+
 A plan compiled from a recipe in one ontology runs in a map in another. A class that the map's vocabulary does not
 define is matched by local name, then by an annotation (``Class: Egg-Chickens Annotations: alsoCalled "Egg"``), and
 finally by an unambiguous first part: ``Bed`` is Bed-PieceOfFurniture.
@@ -15,14 +17,16 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from executive.maps.measures import Size, read_size, read_transform
-from planlang.designators import local_name, unused_name
-from planlang.diagnostics import Diagnostic, Span, note, warning
+from executive.maps import soma
+from executive.maps.link_names import LINKS
+from executive.maps.measures import EXTENTS, Size, read_size, read_transform
+from planlang.designators import local_name, local_part, unused_name
+from planlang.diagnostics import Diagnostic, Span, note, unread, warning
 from planlang.geometry import Pose
 from planlang.kept import kept
 from planlang.ontology import Literal, Ontology, expand
 from planlang.ontology.terms import RDF
-from planlang.spelling import similar
+from planlang.spelling import Spellings, similar
 
 
 def known(ontology: Ontology, cls: str) -> str:
@@ -93,6 +97,36 @@ def with_known_classes(ontology: Ontology, things: Iterable[str], notes: list[Di
         advice = f"did you mean {close[0]}?" if close else f"define it: Class: {local_name(cls)} SubClassOf: ..."
         notes.append(warning("M031", f"{subject}, is not defined: such objects have no known properties", span, advice))
     return ontology.renamed(names) if names else ontology
+
+
+ALIKE = 0.9
+"""Least similarity (difflib) of a misspelt property and a known one: a letter too many, or two that are swapped."""
+KNOWROB = (
+    *EXTENTS, "describedInMap", "objectActedOn", "eventOccursAt", "startTime", "orientation", "translation",
+    "quaternion", "relativeTo", "properPhysicalParts", "properPhysicalPartOf", "physicalParts", "physicalPartOf",
+    "hingedTo", "connectedTo-Rigidly", "in-ContGeneric", "on-Physical", "jointPosition", "minJointValue",
+    "maxJointValue", "linkToMapFile", "pathToCadModel", "massOfObject", "weightOfObject", "areaOfObject",
+)  # fmt: skip
+"""Properties of KnowRob's maps that are read, of which a statement is lost if it is misspelt.
+
+The vocabulary does not tell them from others: nine of them have no domain there, and a hundred others, such as
+nextEvent and streetNumber, have the domains of the rest. An undeclared property that is nearly one of those loses
+nothing.
+"""
+
+
+def misspellings(ontology: Ontology) -> Iterator[Diagnostic]:
+    """Report the properties in use that nothing declares and that are nearly those of maps, each once."""
+    words = Spellings((*KNOWROB, *LINKS, *soma.READ))
+    for number in ontology.store.used:
+        iri = ontology.store.name(number) or ""
+        name = local_part(iri)
+        alike = words.similar(name, least=ALIKE)
+        if not alike or alike[0] == name or ontology.is_property(iri):
+            continue
+        first = next(ontology.triples(None, iri))
+        of = f" of {local_name(first.subject)}" if isinstance(first.subject, str) else ""
+        yield unread("M036", f"{name}{of} is no property that maps have", first.span, f"did you mean {alike[0]}?")
 
 
 DEEPEST = 5

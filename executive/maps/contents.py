@@ -1,21 +1,27 @@
-"""Properties of bodies beyond their geometry: contents, capacity, mass, blades, running devices, and heat effects."""
+"""Properties of bodies beyond their geometry: contents, capacity, mass, blades, running devices, heat effects, routes.
+
+Things that move by themselves, such as other robots, do so on the routes that the map states.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 
 from executive.maps.classes import is_kind
-from executive.maps.measures import read_size
+from executive.maps.measures import length, lengths, read_size, stated
 from executive.maps.semantic_map import MapObject, SemanticMap
-from planlang.diagnostics import BadInput, Diagnostic, Severity
+from planlang.diagnostics import BadInput, Diagnostic, Severity, warning
 from planlang.effects import effects_of, heat_effects, number_of_class, number_of_individual
 from planlang.ontology import Ontology, expand, shorten
 from planlang.state.matter import KG_PER_ML, ON, Portion
 from planlang.state.rules import Heating, Rules, Size
 from sim import Body
+from sim.movers import Mover
+from sim.scene import BodyShape
 
 MASS = ("massOfObject", "weightOfObject")
 """Properties that state the mass of an object [kg]."""
@@ -129,3 +135,36 @@ def _with_content(body: Body, portions: Sequence[Portion], types: tuple[str, ...
         body = replace(body, mass=max(0.0, body.mass - portions[0].amount * KG_PER_ML))  # it is its own content
     room = max(capacity or 0.0, sum(portion.amount for portion in portions))
     return replace(body, content=tuple(portions), capacity=room, is_on=ON in states, blade=min(blade, max(body.size)))
+
+
+SPEED = 0.3
+"""Speed of a robot of which the map states none [m/s]."""
+LONGEST = 1000.0
+"""Length of a route beyond which a number in it is surely wrong [m]; places on routes are compared one by one."""
+
+
+def movers_of(bodies: Sequence[Body], semantic_map: SemanticMap, notes: list[Diagnostic]) -> Iterator[Mover]:
+    """Yield what moves by itself: bodies with ``routePoints``, the points on the floor that they drive to, "x y x y".
+
+    They begin where the map has them, and come back the same way. ``drivingSpeed`` is in metres per second.
+    """
+    ontology = semantic_map.ontology
+    for body in bodies:
+        triple = stated(ontology, body.iri, "routePoints")
+        numbers = None if triple is None else lengths(triple, notes)
+        if triple is None or numbers is None:
+            continue
+        points = (body.pose.position[:2], *zip(numbers[::2], numbers[1::2], strict=False))
+        route = [points[0], *(point for before, point in pairwise(points) if math.dist(before, point) > 0)]
+        if len(numbers) % 2 or len(route) < 2 or body.shape not in (BodyShape.BOX, BodyShape.CYLINDER):
+            message = f"{body.name} does not move: a route is points on the floor, x and y of each, for a solid body"
+            notes.append(warning("M002", message, triple.span))
+            continue
+        said = stated(ontology, body.iri, "drivingSpeed")
+        speed = None if said is None else length(said, notes)
+        mover = Mover(body.name, tuple(route), speed if speed is not None and speed > 0 else SPEED)
+        if mover.length > LONGEST:
+            message = f"{body.name} does not move: its route is {mover.length:.0f} m long, at most {LONGEST:.0f} m"
+            notes.append(warning("M002", message, triple.span))
+            continue
+        yield mover

@@ -8,41 +8,22 @@ their z axis perpendicular to both axes.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Protocol
 
 import numpy as np
 
 from executive.maps.object_models import Blade
 from executive.maps.semantic_map import IN_HAND, MapObject, SemanticMap
+from executive.robots import Arm, Robot
 from planlang.designators import local_name
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product, rotated
+from planlang.state import Hold
+from sim import Scene
 
 BEHIND = 0.3
 """Distance of the hand behind the centre of a tool's blade [m]."""
 STOWED = Pose((0.0, 0.0, -100.0))
 """Pose of such objects until the robot is in the world: far below everything."""
-Axis = tuple[float, float, float]
-
-
-class HandOfArm(Protocol):
-    """What is needed of an :class:`executive.robots.robot.Arm`."""
-
-    @property
-    def hand_link(self) -> str:
-        """Link that carries the fingers."""
-
-    @property
-    def tip(self) -> str:
-        """Link whose frame is the grip point."""
-
-    @property
-    def approach(self) -> Axis:
-        """Unit vector in the tip frame along which the hand moves towards an object."""
-
-    @property
-    def closing(self) -> Axis:
-        """Unit vector in the tip frame along which the fingers close."""
 
 
 def is_in_hand(thing: MapObject, semantic_map: SemanticMap) -> bool:
@@ -50,7 +31,18 @@ def is_in_hand(thing: MapObject, semantic_map: SemanticMap) -> bool:
     return bool(_links(thing, semantic_map))
 
 
-def held_by(arm: HandOfArm, semantic_map: SemanticMap) -> Iterator[MapObject]:
+def in_hands(robot: Robot, semantic_map: SemanticMap, scene: Scene) -> dict[str, Hold]:
+    """Holds of the things that a robot's arms have when a run begins, one per arm, by the body's name."""
+    held = {}
+    for arm in robot.arms:
+        thing = next(_held_by(arm, semantic_map), None)
+        body = None if thing is None else next((one for one in scene.bodies if one.iri == thing.iri), None)
+        if thing is not None and body is not None:
+            held[body.name] = Hold(arm.name, arm.tip, grip_of(arm, thing, semantic_map))
+    return held
+
+
+def _held_by(arm: Arm, semantic_map: SemanticMap) -> Iterator[MapObject]:
     """Yield the objects that an arm holds when a run begins: those linked to its hand or tip, by the link's name."""
     ends = (arm.hand_link, arm.tip)
     for thing in semantic_map.objects:
@@ -64,7 +56,7 @@ def _links(thing: MapObject, semantic_map: SemanticMap) -> list[str]:
     return [local_name(one) for one in values if isinstance(one, str)]
 
 
-def grip_of(arm: HandOfArm, thing: MapObject, semantic_map: SemanticMap) -> Pose:
+def grip_of(arm: Arm, thing: MapObject, semantic_map: SemanticMap) -> Pose:
     """Assume the pose of an object in the tip frame of the arm that holds it."""
     approach, closing = np.array(arm.approach), np.array(arm.closing)
     across = np.cross(approach, closing)

@@ -1,7 +1,7 @@
 """Numbers stated by maps: lengths, sizes and poses, converted to SI units and checked; rotations are made rigid.
 
-A number of a shape or a pose that cannot be read is an error: see :mod:`executive.maps.unread`. Others are ignored,
-with a warning that points into the file.
+A number of a shape or a pose that cannot be read is an error: see :func:`planlang.diagnostics.unread`. Others are
+ignored, with a warning that points into the file.
 """
 
 from __future__ import annotations

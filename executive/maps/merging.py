@@ -20,9 +20,8 @@ from executive.maps.statements import (
     with_one_header,
     with_placements,
 )
-from executive.maps.unread import settled
 from planlang.designators import local_name
-from planlang.diagnostics import BadInput, Diagnostic, note, warning
+from planlang.diagnostics import BadInput, Diagnostic, note, settled, warning
 from planlang.geometry import Array
 from planlang.knowledge.places import LEVELS, inverted
 from planlang.ontology import Literal, Ontology, Triple, expand, load

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import field, replace
 from datetime import datetime
 from typing import NamedTuple
 
 import numpy as np
 
-from executive.maps.classes import StatedObject, parts_of_classes, with_known_classes
+from executive.maps.classes import StatedObject, is_kind, misspellings, parts_of_classes, with_known_classes
 from executive.maps.measures import EXTENTS, TRIPLES, Size, length, read_boards, read_size, read_transform, stated
 from executive.maps.soma import in_known_words
-from executive.maps.unread import misspellings, settled
-from planlang.designators import local_name, names_of, unused_name
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, unread
+from planlang.designators import Object, is_called, local_name, names_of, unused_name
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, settled, unread
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
 from planlang.knowledge.places import inverted
@@ -59,7 +58,7 @@ class SemanticMap:
     objects: tuple[MapObject, ...]
     diagnostics: tuple[Diagnostic, ...]
     ignores_unread: bool = False
-    """True if the world may lack what cannot be read: see :mod:`executive.maps.unread`."""
+    """True if the world may lack what cannot be read: see :func:`planlang.diagnostics.unread`."""
     _known: Mapping[str, MapObject] = field(init=False, repr=False, compare=False)
     _holders: Mapping[str, MapObject] = field(init=False, repr=False, compare=False)
     _carriers: frozenset[str] = field(init=False, repr=False, compare=False)
@@ -165,6 +164,34 @@ def read_map(ontology: Ontology, *, ignore_unread: bool = False) -> SemanticMap:
         help = "place objects by a SemanticMapPerception with objectActedOn and eventOccursAt"
         raise BadInput([*diagnostics, error("M009", "not a map: nothing in this file has a pose", span, help)])
     return semantic_map
+
+
+def namesakes(ontology: Ontology, things: Iterable[MapObject], what: Object) -> list[MapObject]:
+    """List the things that the individual of a designator may be; empty if it names none.
+
+    It is the thing of its IRI; else those of its class that have its local name, then those that have it in other case
+    or with other separators, then those that are labelled so.
+    """
+    if what.iri is None:
+        return []
+    every = list(things)
+    if same := [thing for thing in every if thing.iri == what.iri]:
+        return same
+    written = local_name(what.iri)
+    ways: tuple[Callable[[MapObject], bool], ...] = (
+        lambda thing: is_called(thing.iri, written),
+        lambda thing: _folded(local_name(thing.iri)) == _folded(written),
+        lambda thing: _folded(ontology.label(thing.iri) or "") == _folded(written),
+    )
+    for is_named in ways:
+        named = [thing for thing in every if is_named(thing)]
+        if fitting := [one for one in named if any(is_kind(ontology, cls, what.type) for cls in one.types)]:
+            return fitting
+    return []
+
+
+def _folded(name: str) -> str:
+    return "".join(filter(str.isalnum, name.casefold()))
 
 
 POSES = ("orientation", "pose", "eventOccursAt")

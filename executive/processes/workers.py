@@ -28,8 +28,8 @@ from pkgutil import resolve_name
 from typing import Any
 
 from planlang.diagnostics import BadInput
+from planlang.machine import cpu_seconds, inherited, lower, stated
 from planlang.records import dataclass
-from planlang.shell_limits import cpu_seconds, inherited, lower, stated
 
 
 @dataclass(frozen=True, slots=True)

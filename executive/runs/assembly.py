@@ -29,9 +29,7 @@ from executive.modules.looking_first import LookingFirst
 from executive.modules.noting_hands import NotingHands
 from executive.modules.platform import Platform
 from executive.robots import CARRYING, Robot
-from executive.robots.arms import InHand, gripping
 from executive.robots.handle import RobotHandle, RobotModel
-from executive.runs.final_state import Tilts
 from planlang.action_classes import ancestors_of
 from planlang.action_conditions import declared
 from planlang.changes import Physics
@@ -41,9 +39,12 @@ from planlang.failures import LocationUnresolvable, ObjectNotFound, ObjectUnreso
 from planlang.language.process_module import ModuleOnce, ProcessModule, stated_as_before
 from planlang.ontology import expand, shorten
 from planlang.progress import Report, unreported
-from planlang.protocols import RobotInterface, Solution
+from planlang.protocols import Configuration, RobotInterface, Solution
+from planlang.state import Hold
 from planlang.words import Blank, Option, Text
-from sim import PlanningWorld, Scene, WorldMirror, perturb
+from sim import PlanningWorld, PyBulletWorld, Scene, WorldMirror, perturb
+from sim.mirror import become
+from sim.truth import ROBOT
 
 MOST_STARTS = 5000
 """Maximum number of free base poses to try for one where the arms have room, too: a disc of 2 m in the fine grid."""
@@ -57,7 +58,7 @@ def real_scene(scene: Scene, seed: int, robot_in: PlanningWorld) -> Scene:
 
 
 def world_at_start(
-    scene: Scene, robot: Robot, start: BasePose | None, stack: ExitStack, held: Sequence[InHand] = ()
+    scene: Scene, robot: Robot, start: BasePose | None, stack: ExitStack, held: Mapping[str, Hold] | None = None
 ) -> PlanningWorld:
     """Make a world with the robot at its start: the user's pose, else a free pose near the middle.
 
@@ -74,7 +75,7 @@ def world_at_start(
         message = "no link has a shape (<collision> or <visual>): collisions cannot be checked"
         raise BadInput([error("B015", message, Span(str(robot.urdf)))])
     if held:
-        world = WorldMirror(world, robot.name).at(gripping(world.world_state(robot.name), held))
+        world = WorldMirror(world, robot.name).at(world.world_state(robot.name).gripping(held))
     if start is not None:
         _check_start(world)
     now = world.configuration()
@@ -153,6 +154,22 @@ def platform_of(
     )
 
 
+def take(platform: Platform, truth: PyBulletWorld, held: Mapping[str, Hold]) -> None:
+    """Put things into the robot's hands and close the fingers on them, in the true world and in the belief."""
+    state = truth.world_state()
+    for name, hold in held.items():
+        scene, arm = platform.scene, next(arm for arm in platform.scene.arms.all if arm.name == hold.arm)
+        base, q = platform.base(), platform.arm_joints(arm)
+        supposed = scene.belief.state.placed({name: scene.world.link_pose(hold.link) @ hold.offset})
+        fingers = scene.supposing(supposed).collisions.closed_on(base, arm, q, name)
+        there = Configuration(base, {**state.robots[ROBOT].joints, **(fingers or {})})
+        state = state.with_robot(ROBOT, there).placed({name: truth.link_pose(hold.link) @ hold.offset})
+        state = state.gripped(name, hold)
+        platform.belief.grasped(name, *hold)
+    if held:
+        become(truth, ROBOT, state)
+
+
 class RobotExecutive:
     """Implements :class:`planlang.language.executive.Executive` for one platform."""
 
@@ -165,8 +182,6 @@ class RobotExecutive:
         the interface is that of a real robot.
         """
         self.platform = platform
-        self.tilts = Tilts(platform.leaning)
-        """The largest tilts of carried things, measured by a watcher of the true world."""
         self._effects = ActionEffects(platform, physics)
         ontology = platform.belief.map.ontology
         primitives = [iri for iri in ontology.individuals("Primitive") if ontology.values(iri, "finds")]

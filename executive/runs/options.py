@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, MutableSet, Sequence
 from contextlib import suppress
 from dataclasses import field, replace
 from enum import Enum
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from executive.options.declaring import declared, values_of
 from executive.options.running import RunSettings
 from executive.runs.failure import Failure
-from executive.runs.final_state import Tilts
+from executive.runs.traces import read_trace
+from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.notebooks import framed
+from planlang.object_changes import state_word
+from planlang.outputs import PNG, check_outputs
 from planlang.progress import Report, unreported
 from planlang.protocols import RobotInterface
 from planlang.records import dataclass
 from planlang.runs import RecordedRun
 from planlang.runs.trace import Listener
+from planlang.temporary import temporary_folder
 from planlang.words import joined
-from sim.truth import Truth
+from sim.joints import Articulation, JointKind
+from sim.truth import Truth, at_rest_on, held_by
 
 if TYPE_CHECKING:
     from executive.runs.assembly import RobotExecutive
@@ -81,18 +88,116 @@ class RunOptions(RunSettings):
         return replace(self, **shown, **unobserved, world_as_left=False)
 
 
-class Ended(Protocol):
-    """A run that has ended, and can be repeated to show it; see :mod:`executive.runs.ended_run`."""
+# The result
 
-    @property
-    def page(self) -> str:
-        """The page of the run."""
+
+def state_lines(truth: Truth, names: Iterable[str]) -> Iterator[str]:
+    """Yield lines for each thing of the plan: where it is, whether it is open, its state (on, Clean), its contents.
+
+    Then a line for each other door or drawer that the run left open.
+    """
+    scene, leaves = truth.scene, set[str]()
+    for name in dict.fromkeys(names):
+        if scene.body(name).graspable:
+            holder, support = held_by(truth, name), at_rest_on(truth, name)
+            if holder is not None:
+                yield f"{name}: held by {holder}"
+            else:
+                yield f"{name}: at rest on {support}" if support is not None else f"{name}: not at rest"
+        for joint in scene.joints:
+            if not joint.is_knob and name in (joint.leaf, joint.holder):
+                leaves.add(joint.leaf)
+                yield f"{joint.leaf}: {_opening(truth.joint(joint.leaf), joint)}"
+        if (state := truth.condition(name)) is not None:
+            yield f"{name}: {state_word(state)}"
+        if content := truth.contents(name):
+            listed = (f"{amount:.0f} ml of {local_name(cls)}" for cls, amount in content.items())
+            yield f"{name}: holds {', '.join(listed)}"
+    for joint in scene.joints:
+        value = truth.joint(joint.leaf)
+        if not (joint.is_knob or joint.leaf in leaves or joint.is_shut(value)) and joint.is_shut(joint.first):
+            yield f"{joint.leaf}: left {_opening(value, joint)}"
+
+
+def _opening(value: float, joint: Articulation) -> str:
+    if joint.is_shut(value):
+        return "closed"
+    slides = joint.kind is JointKind.PRISMATIC
+    return f"open by {100 * value:.0f} cm" if slides else f"open by {math.degrees(value):.0f} degrees"
+
+
+class Tilts:
+    """Watcher that measures the largest tilt [rad] of held things that have to stay upright.
+
+    Only of things that stood upright when grasped; not while they are in ``leaning``, as a step tilts them on purpose.
+    """
+
+    def __init__(self, leaning: MutableSet[str] | None = None) -> None:
+        self._leaning: MutableSet[str] = set() if leaning is None else leaning
+        self.largest: dict[str, float] = {}
+        self.limits: dict[str, float] = {}
+        self._held: dict[str, bool] = {}
+        """Held things -> whether they stood upright when grasped."""
+
+    def __call__(self, world: Truth) -> None:
+        """Measure after a step of the world."""
+        before, self._held = self._held, {}
+        for name in world.attached():
+            limit = world.scene.body(name).largest_tilt
+            if limit is not None:
+                x, y, _, _ = world.pose(name).orientation
+                tilt = math.acos(max(-1.0, 1.0 - 2.0 * (x * x + y * y)))
+                self._held[name] = before.get(name, tilt <= limit)
+                if self._held[name] and name not in self._leaning:
+                    self.largest[name], self.limits[name] = max(tilt, self.largest.get(name, 0.0)), limit
+
+    def degrees(self) -> dict[str, float]:
+        """Largest tilt of each thing [degrees], to a tenth."""
+        return {name: round(math.degrees(tilt), 1) for name, tilt in self.largest.items()}
+
+    def lines(self) -> Iterator[str]:
+        """Yield a line for each thing."""
+        for name, tilt in self.degrees().items():
+            limit = math.degrees(self.limits[name])
+            beyond = f"; {limit:g} are allowed" if tilt > limit else ""
+            yield f"{name}: leaned by at most {tilt:g} degrees while it was held{beyond}"
+
+
+class EndedRun:
+    """Repeats a run by its trace; its input files must not have changed."""
+
+    def __init__(
+        self, options: RunOptions, events: Sequence[Mapping[str, Any]], run: Callable[[RunOptions], object]
+    ) -> None:
+        """``events``: records of the trace, unless ``options`` wrote it to a file; ``run`` executes a run."""
+        self._options, self._events, self._run = options, events, run
 
     def records(self) -> Sequence[Mapping[str, Any]]:
-        """Records of the trace."""
+        """Records of the trace. Raises BadInput if its file cannot be read."""
+        return [line.record for line in self._recorded().lines]
+
+    def _recorded(self) -> RecordedRun:
+        options = self._options
+        if options.trace is not None:
+            return read_trace(options.trace)[0]
+        if options.repeated is not None:  # a run that was repeated for a file writes no trace
+            return options.repeated
+        return RecordedRun.of(self._events)
 
     def write(self, what: str, path: Path, *, force: bool = False, view: str | None = None) -> Path:
-        """Write a file of the run."""
+        """Write the "report" or "picture" of the run. Raises BadInput if that is not possible."""
+        problems = check_outputs({what: path}, {}, formats={"picture": PNG}, force=force)
+        if problems:
+            raise BadInput(problems)
+        file: dict[str, Any] = {what: path}
+        self._run(replace(self._options.unseen(), repeated=self._recorded(), resume=None, view=view, **file))
+        return path
+
+    @cached_property
+    def page(self) -> str:
+        """The page of the run, made once. Raises BadInput if the run cannot be repeated."""
+        with temporary_folder() as folder:
+            return self.write("report", folder / "run.html").read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +217,7 @@ class RunResult:
     tilts: Tilts = field(default_factory=Tilts, repr=False)
     """Largest tilts of carried things from upright, in the true world."""
     seed: int = 0
-    ended: Ended | None = field(default=None, repr=False, compare=False)
+    ended: EndedRun | None = field(default=None, repr=False, compare=False)
     """Shows the run; None if it did not begin."""
 
     @property
@@ -178,7 +283,7 @@ class RunResult:
         """
         return self._shown().write("picture", Path(path), force=force, view=view)
 
-    def _shown(self) -> Ended:
+    def _shown(self) -> EndedRun:
         if self.ended is None:
             raise BadInput([error("C041", "nothing to show: the run did not begin", help=self.message)])
         return self.ended

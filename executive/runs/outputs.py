@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
@@ -14,18 +15,20 @@ from executive.belief.map_updating import MapUpdate
 from executive.live.live_run import LiveRun
 from executive.live.terminal import TerminalTree
 from executive.modules.platform import Platform
+from executive.pictures.pose_track import PoseTrack, Watcher
 from executive.pictures.scene_picture import save_picture
 from executive.pictures.video import Video
 from executive.report.watching import Watching
 from executive.runs.ending import Told, ending_of
-from executive.runs.final_state import Tilts, state_lines
+from executive.runs.options import Tilts, state_lines
 from executive.runs.parameters import Bound
 from executive.runs.pose_log import PoseLog
 from executive.runs.prepared import RunFiles
 from executive.runs.traces import lines_of, steps_of
 from executive.runs.written import Written, bodies_of
-from planlang.diagnostics import Diagnostic
+from planlang.diagnostics import BadInput, Diagnostic
 from planlang.failures import PlanFailure
+from planlang.outputs import replace as write_complete
 from planlang.report import Context
 from sim.truth import Truth
 
@@ -37,6 +40,14 @@ class Outputs(Written):
         """Collect nothing yet: :meth:`ask` adds the files."""
         super().__init__(files, tilts, truth)
         self._inputs, self._platform, self._belief = files, platform, platform.belief
+        self._files: list[tuple[Path, Callable[[Path], object]]] = []
+        self._shown = ExitStack()
+        """Live displays of the run, and logs that are written while it runs."""
+        self._noted: list[Watcher] = []
+        self._track = PoseTrack(self._noted)
+        """Collects poses for all files that need them."""
+        self._failure: PlanFailure | None = None
+        self._ended = "", ""
         self._poses: PoseLog | None = None
         self._ending: Callable[..., tuple[str, ...]] | None = None
         """Captions of pictures and videos, made from the run's records."""
@@ -120,6 +131,20 @@ class Outputs(Written):
         super().begin()
         if self._poses is not None:
             self._poses.begin()
+
+    def save(self, outcome: str, message: str, failure: PlanFailure | None = None) -> None:
+        self._failure, self._ended = failure, (outcome, message)
+        if self._noted:
+            self._track.note(self._truth)
+        self._shown.close()
+        problems: list[Diagnostic] = []
+        for path, save in self._files if self._is_new else ():
+            try:
+                write_complete(path, save)
+            except BadInput as problem:  # the others are written all the same
+                problems += problem.diagnostics
+        if problems:
+            raise BadInput(problems)
 
     def _save_picture(self, bound: Mapping[str, Bound], title: str, path: Path) -> None:
         """Write a picture of the plan's bodies, and of those that its failure names, such as obstacles."""

@@ -12,7 +12,7 @@ from executive.maps import MapObject, SemanticMap, scene_of
 from executive.maps.classes import is_kind
 from executive.maps.contents import is_content
 from executive.maps.environments import environments_with
-from executive.maps.namesakes import namesakes
+from executive.maps.semantic_map import namesakes
 from planlang.action_classes import nearest_unstated
 from planlang.designators import ActionClass, Location, Object, Person, is_called, local_name
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning

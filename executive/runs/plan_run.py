@@ -11,20 +11,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from executive.maps import SemanticMap, read_map, scene_of
+from executive.maps.in_hand import in_hands
 from executive.maps.recognition_models import GivenPart, read_given_parts, with_given_parts
 from executive.modules.bundled import bundled_registry
 from executive.modules.platform import Platform
 from executive.options.running import RunSettings, header_entries
 from executive.robots import FindingKind, Missing, Robot, bind_robot, missing_capabilities, trusting_map
-from executive.robots.arms import InHand, with_carrying
-from executive.runs.assembly import RobotExecutive, platform_of, real_scene, world_at_start
-from executive.runs.ended_run import EndedRun
+from executive.robots.arms import with_carrying
+from executive.runs.assembly import RobotExecutive, platform_of, real_scene, take, world_at_start
 from executive.runs.failure import Failure, line_of_user
 from executive.runs.files import RecipeFile
-from executive.runs.final_state import state_lines
-from executive.runs.in_hands import in_hands, take
-from executive.runs.inputs import Inputs
-from executive.runs.options import Outcome, RunOptions, RunResult
+from executive.runs.options import EndedRun, Outcome, RunOptions, RunResult, Tilts, state_lines
 from executive.runs.parameters import (
     Bound,
     bound_parameters,
@@ -45,7 +42,7 @@ from executive.runs.plan_files import (
     required_of_plan,
     without_module,
 )
-from executive.runs.prepared import RunFiles, prepared
+from executive.runs.prepared import Inputs, RunFiles, prepared
 from executive.runs.remedies import able_robots, absent_things, call_of, call_to_pass_on, performing
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256, versions
 from executive.runs.written import WatchedWorld, Written, bodies_of
@@ -75,6 +72,7 @@ from planlang.runs import Different, Past, RecordedRun, Repetition, Trace, resto
 from planlang.runs.codec import dump
 from planlang.runs.repeating import RepeatedTrace
 from planlang.runs.trace import Earlier
+from planlang.state import Hold
 from planlang.words import Option, Text
 from sim import PyBulletWorld, Scene
 
@@ -184,7 +182,7 @@ class Run:
         )
         held = in_hands(robot, subject.map, subject.scene)
         if not assessment.missing or options.force:
-            robot = with_carrying(robot, held, options.long_work)
+            robot = with_carrying(robot, held, subject.scene, options.long_work)
         advice = self._advise_trust(robot, assessment)
         found += (*robot.diagnostics, *assessment.notes(self.files.plan), *advice)
         self._context = partial(self._page_context, subject, tuple(found), advice, assessment.missing)
@@ -266,7 +264,7 @@ class Run:
         return [note("X013", f"{robot.name} has no camera to look for things", help=advice)]
 
     def _assemble(
-        self, subject: _Subject, robot: Robot, given: tuple[GivenPart, ...] | None, held: Sequence[InHand]
+        self, subject: _Subject, robot: Robot, given: tuple[GivenPart, ...] | None, held: Mapping[str, Hold]
     ) -> tuple[Platform, PyBulletWorld]:
         """Make the platform of the robot, with its belief, and the true world, which closes with the run."""
         options = self.options
@@ -384,7 +382,8 @@ class Run:
         earlier: Past | Repetition | None,
     ) -> RunResult:
         options = self.options
-        written = self._written(executive, truth, bound, header)
+        tilts = Tilts(executive.platform.leaning)
+        written = self._written(executive.platform, tilts, truth, bound, header)
 
         def trace_after(earlier: Earlier | None) -> Trace:
             written.begin()
@@ -435,20 +434,25 @@ class Run:
             tuple(self.found),
             truth.steps / truth.rate,
             failure,
-            executive.tilts,
+            tilts,
             self.files.seed,
             EndedRun(options, trace.events, run_plan_file),
         )
 
     def _written(
-        self, executive: RobotExecutive, truth: PyBulletWorld, bound: Mapping[str, Bound], header: Mapping[str, object]
+        self,
+        platform: Platform,
+        tilts: Tilts,
+        truth: PyBulletWorld,
+        bound: Mapping[str, Bound],
+        header: Mapping[str, object],
     ) -> Written:
         """What follows the run, with the output files and displays that its options ask for."""
         if not self.options.has_outputs:
-            return Written(self.files, executive.tilts, truth)
+            return Written(self.files, tilts, truth)
         from executive.runs import outputs, reporting  # Pillow, rich, pages: slow to import, and most runs have none
 
-        written = outputs.Outputs(self.files, executive.platform, executive.tilts, truth)
+        written = outputs.Outputs(self.files, platform, tilts, truth)
         context = partial(self._context, header, reporting.context_of)
         written.ask(self.plan.name, bound, header, self.found, context)
         return written

@@ -1,13 +1,14 @@
-"""What the options of a run name is found, and all that can be checked before the run is."""
+"""What the options of a run name is found, all that can be checked before the run is, and files are read once."""
 
 from __future__ import annotations
 
 import ctypes
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
 
 from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
 from executive.options.declaring import outputs_of
@@ -195,3 +196,25 @@ def _opens_x_display() -> bool:
         return False
     x11.XCloseDisplay(ctypes.c_void_p(display))
     return True
+
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class Inputs:
+    """Cache of ontologies, maps, robots and compiled plans, none of which a run changes.
+
+    A file that changes in the meantime is not read again.
+    """
+
+    def __init__(self) -> None:
+        self._kept: dict[Hashable, Any] = {}
+
+    def once(self, read: Callable[P, T], *arguments: P.args, **options: P.kwargs) -> T:
+        """Call a function once for the same, hashable arguments, and return its result."""
+        key = (read, arguments, tuple(sorted(options.items())))
+        if key not in self._kept:
+            self._kept[key] = read(*arguments, **options)
+        result: T = self._kept[key]
+        return result

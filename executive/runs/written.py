@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from executive.pictures.pose_track import PoseTrack, Watcher
-from executive.runs.final_state import Tilts
+from executive.runs.options import Tilts
 from executive.runs.parameters import Bound, things_of
 from executive.runs.prepared import RunFiles
 from executive.runs.traces import lines_of
-from planlang.diagnostics import BadInput, Diagnostic
 from planlang.failures import PlanFailure
-from planlang.outputs import replace as write_complete
 from planlang.runs.trace import Listener
 from sim import PyBulletWorld
 from sim.truth import Truth
@@ -24,26 +19,20 @@ if TYPE_CHECKING:
 
 
 class Written:
-    """Output files of a run: none here; ``listeners`` get its records, ``watchers`` see the true world."""
+    """What follows a run that writes no more than its trace; ``listeners`` get its records, ``watchers`` see the world.
+
+    :class:`executive.runs.outputs.Outputs` writes files, too.
+    """
 
     def __init__(self, files: RunFiles, tilts: Tilts, truth: Truth) -> None:
-        """Report progress and measure tilts; :mod:`executive.runs.outputs` adds the files."""
-        options = files.options
-        self._options, self._truth = options, truth
-        self._files: list[tuple[Path, Callable[[Path], object]]] = []
-        self._shown = ExitStack()
-        """Live displays of the run, and logs that are written while it runs."""
-        self._noted: list[Watcher] = []
-        self._track = PoseTrack(self._noted)
-        """Collects poses for all files that need them."""
+        """Report progress and measure tilts."""
+        self._options, self._truth = files.options, truth
         self._is_new = False
         """False while a repeated run catches up with its trace."""
-        self._failure: PlanFailure | None = None
-        self._ended = "", ""
-        self.watchers: list[Callable[[Truth], None]] = [tilts, *options.watchers]
+        self.watchers: list[Callable[[Truth], None]] = [tilts, *self._options.watchers]
         self.listeners: list[Listener] = [
-            lines_of(self._progress, inner=options.inner_actions),
-            *options.listeners,
+            lines_of(self._progress, inner=self._options.inner_actions),
+            *self._options.listeners,
         ]
 
     def _progress(self, step: int, line: str) -> None:
@@ -59,18 +48,6 @@ class Written:
 
         ``outcome`` and ``message`` are those of the result, ``failure`` is that of the plan, if it failed.
         """
-        self._failure, self._ended = failure, (outcome, message)
-        if self._noted:
-            self._track.note(self._truth)
-        self._shown.close()
-        problems: list[Diagnostic] = []
-        for path, save in self._files if self._is_new else ():
-            try:
-                write_complete(path, save)
-            except BadInput as problem:  # the others are written all the same
-                problems += problem.diagnostics
-        if problems:
-            raise BadInput(problems)
 
 
 class WatchedWorld:

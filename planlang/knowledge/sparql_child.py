@@ -20,7 +20,7 @@ from typing import Any
 
 import pyoxigraph as ox
 
-from planlang.shell_limits import lower
+from planlang.machine import lower
 
 _FORMATS = {
     "application/rdf+xml": ox.RdfFormat.RDF_XML,

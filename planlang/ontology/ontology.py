@@ -107,7 +107,7 @@ class Ontology:
             *check(self, (document.path for document in self.documents)),
         )
         self.unread: tuple[Diagnostic, ...] = tuple(one for reading in readings for one in reading.unread)
-        """Errors about things with a shape of which the documents have no statements: see ``executive.maps.unread``."""
+        """Errors about things with a shape of which the documents have no statements: ``diagnostics.unread``."""
 
     @property
     def iri(self) -> str | None:

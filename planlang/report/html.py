@@ -18,8 +18,8 @@ from typing import Any
 
 PAGE = Path(__file__).parent / "page"
 SCRIPTS = (
-    *("model", "clock", "list", "tree", "details", "failures", "story", "search", "lanes"),
-    *("tracks", "scene", "aim", "legend", "map", "graph", "keys", "live", "main"),
+    *("model", "clock", "list", "tree", "details", "failures", "notes", "story"),
+    *("search", "lanes", "tracks", "scene", "aim", "legend", "map", "graph", "keys", "live", "main"),
 )
 """Files of the page's script in order of dependence."""
 SERVED = "; connect-src 'self'"

@@ -13,7 +13,7 @@ import pytest
 from executive.modules.arm_choices import ArmChoices
 from executive.modules.gripper import Grasping
 from executive.robots import bind_robot
-from executive.robots.arms import InHand, with_carrying
+from executive.robots.arms import with_carrying
 from executive.runs.assembly import world_at_start
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file
@@ -186,13 +186,14 @@ def test_a_robot_starts_where_its_arms_have_room_too(robot: Path) -> None:
 def test_a_robot_that_holds_something_starts_where_that_has_room_too() -> None:
     pole, amigo = Body("pole", Pose((0.0, 0.0, -100.0)), (0.8, 0.03, 0.03)), bind_robot("amigo")
     arm = amigo.arm("right")
-    held = InHand(pole, Hold(arm.name, arm.tip, Pose((0.35, 0.0, 0.0))))
-    robot, scene = with_carrying(amigo, [held]), Scene((SHELF, pole), (-3, -3, 3, 3))
+    held = Hold(arm.name, arm.tip, Pose((0.35, 0.0, 0.0)))
+    scene = Scene((SHELF, pole), (-3, -3, 3, 3))
+    robot = with_carrying(amigo, {"pole": held}, scene)
     with ExitStack() as stack:
-        bare, full = (world_at_start(scene, robot, None, stack, things) for things in ((), (held,)))
+        bare, full = (world_at_start(scene, robot, None, stack, things) for things in ({}, {"pole": held}))
         for world in (bare, full):
-            world.set_pose("pole", world.link_pose(held.hold.link) @ held.hold.offset)
-            world.attach(held.hold.link, "pole")
+            world.set_pose("pole", world.link_pose(held.link) @ held.offset)
+            world.attach(held.link, "pole")
         assert "shelf" in bare.touched_since_grasp("pole")
         assert "shelf" not in full.touched_since_grasp("pole")
 

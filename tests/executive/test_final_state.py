@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from executive.robots import bind_robot
-from executive.runs.final_state import state_lines
+from executive.runs.options import state_lines
 from planlang.changes import Switched
 from planlang.files import bundled
 from planlang.geometry import Pose

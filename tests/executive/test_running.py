@@ -24,8 +24,7 @@ from PIL import Image
 from executive.maps import read_map, scene_of
 from executive.pictures.scene_picture import picture
 from executive.runs.ending import ending_of
-from executive.runs.final_state import Tilts
-from executive.runs.options import Outcome, RunOptions, RunResult
+from executive.runs.options import Outcome, RunOptions, RunResult, Tilts
 from executive.runs.outputs import names_in
 from executive.runs.plan_run import run_plan_file
 from executive.runs.traces import line_of, lines_of

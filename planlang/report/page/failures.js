@@ -1,4 +1,4 @@
-// Cards of failures: a sentence with advice, and inside it causes, attempts and lines of source.
+// Cards of failures: a sentence with advice, and inside it causes, attempts and lines of source; other cards below them.
 
 function card(one, isFirst) {
   const failure = model.failures[one.failure];
@@ -43,19 +43,22 @@ whole.addEventListener("click", () => {
   whole.setAttribute("aria-expanded", String(is));
   whole.textContent = is ? "▴ less of it" : "▾ all of it";
 });
+
+// Further cards, below those of failures: functions that return an id, a headline and the elements inside, or null if
+// the model has nothing for them.
+const sections = [];
+
 function showCards() {
   const fatal = model.cards.filter((one) => !one.recovered), others = model.cards.filter((one) => one.recovered);
-  const notes = model.notes.map((one) => el("li", {}, el("span", { class: "type" }, `${one.severity} ${one.code}`),
-    ` ${one.message}`, one.help ? el("div", { class: "where" }, `help: ${one.help}`) : null));
-  cards.hidden = fatal.length + others.length + notes.length === 0;
   const more = others.length === 0 ? [] : [el("details", { class: "card recovered", id: "recovered" },
     el("summary", {}, el("h2", { class: "advice" },
       `${others.length} failure${others.length > 1 ? "s" : ""} from which the plan recovered${fatal.length ? " before" : ""}`)),
     el("div", { class: "cards nested" }))];
-  const before = notes.length === 0 ? [] : [el("details", { class: "card noted", id: "notes" },
-    el("summary", {}, el("h2", { class: "advice" }, `${notes.length} note${notes.length > 1 ? "s" : ""} from before the run`)),
-    el("ul", { class: "chain inside" }, ...notes))];
-  cards.replaceChildren(...fatal.map((one, k) => card(one, k === 0)), ...more, ...before);
+  const below = sections.map((made) => made()).filter(Boolean).map(({ id, headline, inside }) =>
+    el("details", { class: "card noted", id },
+      el("summary", {}, el("h2", { class: "advice" }, headline)), el("div", { class: "inside" }, ...inside)));
+  cards.hidden = fatal.length + others.length + below.length === 0;
+  cards.replaceChildren(...fatal.map((one, k) => card(one, k === 0)), ...more, ...below);
   more[0]?.addEventListener("toggle", () => {
     const nested = more[0].querySelector(".nested");
     if (!nested.childElementCount) nested.append(...others.slice(0, 200).map((one) => card(one, false)));

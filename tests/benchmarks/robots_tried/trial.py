@@ -17,7 +17,7 @@ from typing import Any
 from PIL import Image
 
 from executive.cli import inspect, make
-from executive.cli.arguments import InspectArguments, MakeArguments
+from executive.cli.authoring_arguments import InspectArguments, MakeArguments
 from executive.pictures.scene_picture import picture
 from executive.robots import Robot, bind_robot
 from planlang.diagnostics import BadInput

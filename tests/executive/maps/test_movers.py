@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from executive.maps import SemanticMap, scene_of
-from executive.maps.movers import SPEED
+from executive.maps.contents import SPEED
 from planlang.diagnostics import Diagnostic
 
 Write = Callable[..., str]

@@ -1,4 +1,7 @@
-"""Resources of the machine that commands need: memory, and writable folders."""
+"""Resources of the machine: limits that the shell, a service manager or a batch system has set, and what is lacking.
+
+Limits hold for this process and its children. What is lacking is memory, files, processes, or room on a disk.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,52 @@ from pathlib import Path
 
 from planlang.diagnostics import Diagnostic, error
 from planlang.outputs import ADVICE, FOLDER_DELETED, is_folder_deleted, named
-from planlang.shell_limits import inherited
 
 try:
     import resource
 except ImportError:  # not on Windows
     resource = None  # type: ignore[assignment]
+
+_NAMES = {"RLIMIT_CPU": ("-t", 1, " s of CPU time"), "RLIMIT_AS": ("-v", 1_000_000, " MB of memory")}
+_NAMES |= {"RLIMIT_DATA": ("-d", 1_000_000, " MB of data"), "RLIMIT_FSIZE": ("-f", 1_000_000, " MB for a file")}
+"""Limits that are not set by default: the option of ``ulimit``, the unit of the number shown, its name."""
+
+
+def cpu_seconds() -> int | None:
+    """Return the limit of CPU time [s]; None without one."""
+    return None if resource is None else inherited(resource.RLIMIT_CPU)
+
+
+def address_space() -> int | None:
+    """Return the limit of the address space [bytes]; None without one."""
+    return None if resource is None else inherited(resource.RLIMIT_AS)
+
+
+def inherited(kind: int) -> int | None:
+    """Return a limit of resources, such as ``RLIMIT_AS``; None without one."""
+    soft, hard = resource.getrlimit(kind)
+    stated = [one for one in (soft, hard) if one != resource.RLIM_INFINITY]
+    return min(stated, default=None)
+
+
+def lower(kind: int, amount: int) -> int:
+    """Limit this process to ``amount``, or to what it inherited if that is less; return which of them it is."""
+    most = inherited(kind)
+    kept = amount if most is None else min(amount, most)
+    resource.setrlimit(kind, (kept, kept))
+    return kept
+
+
+def stated() -> str:
+    """List the limits that somebody has set, for a message: ``100 s of CPU time (ulimit -t)``; "" without any."""
+    if resource is None:
+        return ""
+    known = ((getattr(resource, name), shown) for name, shown in _NAMES.items() if hasattr(resource, name))
+    found = ((inherited(kind), *shown) for kind, shown in known)
+    return ", ".join(
+        f"{most / unit:g}{what} (ulimit {option})" for most, option, unit, what in found if most is not None
+    )
+
 
 LEAST = 320_000_000
 """Address space with which the bundled recipe runs [bytes]; with less, C libraries abort without a message."""
@@ -45,7 +88,7 @@ _NO_THREAD = "can't start new thread"
 
 def check_memory() -> None:
     """Raise MemoryError if the address space is limited to less than a run needs."""
-    limit = _limit()
+    limit = address_space()
     if limit is not None and limit < LEAST:
         raise MemoryError(f"a run needs {LEAST // 1_000_000} MB of address space")
 
@@ -64,7 +107,7 @@ def out_of_resources(problem: Exception) -> Diagnostic | None:
         or (isinstance(problem, OSError) and problem.errno == errno.ENOMEM)
         or (isinstance(problem, ImportError) and _NOT_MAPPED in str(problem))
     ):
-        limit, reason = _limit(), f": {problem}" if str(problem) else ""
+        limit, reason = address_space(), f": {problem}" if str(problem) else ""
         limited = "" if limit is None else f"; the address space is limited to {limit // 1_000_000} MB (ulimit -v)"
         advice = "raise the limit, or end other programs; large maps and robots need more than 350 MB"
         return error("C020", f"not enough memory{reason}{limited}", help=advice)
@@ -104,10 +147,3 @@ def _temporary_folder() -> str | None:
         return tempfile.gettempdir()
     except OSError:
         return None
-
-
-def _limit() -> int | None:
-    """Limit of the address space [bytes]; None without one."""
-    if resource is None:
-        return None
-    return inherited(resource.RLIMIT_AS)
