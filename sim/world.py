@@ -17,11 +17,11 @@ from planlang.state import WorldState, apply, is_free
 from sim.contact import Query
 from sim.joints import Controls
 from sim.kinematic import KinematicScene
+from sim.mirror import EngineQueries
 from sim.movers import Movers
 from sim.outlook import Outlook
 from sim.processes import Processes
 from sim.pushing import Pushing
-from sim.queries import EngineQueries
 from sim.robot import BASE, Robot
 from sim.scene import RobotBody, Scene
 from sim.truth import ROBOT
@@ -187,7 +187,7 @@ class PyBulletWorld(KinematicScene):
         self.seed, self.steps = seed, 0
         self._pushes: dict[str, str] = {}
         """Motion group that pushes -> link of the hand with which it pushes."""
-        self.queries = EngineQueries(self.enact, scene.rules, self._bodies.bodies.values())
+        self.queries = EngineQueries(self, self.enact)
         """Answers about states to which changes, flow or heat lead from the present one."""
         self._placed: Mapping[str, Pose] = {}
         """Poses of the state to which things have been brought last."""
@@ -196,9 +196,7 @@ class PyBulletWorld(KinematicScene):
         self._motions: dict[str, Playback] = {}
         self.simulated = Simulated()
         """What has happened by physics so far."""
-        self._controls = Controls(
-            scene.controls, self.condition, self._switch, self._leaves.values, self._leaves.joints
-        )
+        self._controls = Controls(scene.controls, self.condition, self._switch, self._leaves.is_turned)
         hands = {} if robot is None else robot.hands
         self._hands = frozenset((*hands, *(link for fingers in hands.values() for link in fingers)))
         if self._robot is not None:
@@ -225,7 +223,7 @@ class PyBulletWorld(KinematicScene):
         self._people.step({name: self._bodies.poses[name] for name, held in self.held.items() if held.on is None})
         self.gravity.step()
         self._movers.step(self._is_clear)
-        self._controls.turned(self._leaves.values, self._leaves.joints)
+        self._controls.turned()
         self._processes.step(1 / self.rate)
         self.steps += 1
 

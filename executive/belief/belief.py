@@ -8,11 +8,8 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
-
-from executive.belief.knowledge import Source
 from executive.belief.known_things import KnownThings, ignore
-from executive.belief.memory import Base
+from executive.belief.memory import Base, Source
 from executive.belief.obstacles import NAMES
 from executive.belief.recognition import Recognition
 from executive.belief.snapshots import dump_belief, load_belief
@@ -24,7 +21,7 @@ from planlang.protocols import Configuration, Detection
 from planlang.state import Grip, Hold, WorldState
 from planlang.state.matter import OFF, without
 from sim import WorldMirror
-from sim.leaves import inside
+from sim.leaves import contents
 
 MOVED = 0.002
 """Distance of a seen object from its believed position up to which it counts as not moved [m]."""
@@ -44,7 +41,7 @@ class Belief(KnownThings):
         for detection in detections:
             if detection.name in self.memory.unknown:
                 self._find_out(detection.name)
-            if detection.name in self._poses and detection.name not in self.carried():
+            if detection.name in self._poses and detection.name not in self.state.carried():
                 self.memory = self.memory.saw(detection.name)
                 self._put(detection.name, detection.pose, "seen")
                 self._read(detection)
@@ -331,12 +328,10 @@ class Belief(KnownThings):
         """Make the state with a leaf's joint at a position [rad, m]; its parts and the objects inside move with it."""
         joint, value = self.joints[leaf], self.joints[leaf].within(value)
         elsewhere, boxes = {*self.joints, *self.held, *self.state.away}, self.boxes()
-        loose = [name for name in boxes if name in self._poses and name not in elsewhere]
-        before, places = self._poses[leaf], np.array([self._poses[name].position for name in loose]).reshape(-1, 3)
-        within = np.flatnonzero(inside(before, boxes[leaf], places)).tolist()
-        offsets = {loose[index]: before.inverse() @ self._poses[loose[index]] for index in within}
+        loose = {name: self._poses[name] for name in boxes if name in self._poses and name not in elsewhere}
+        offsets = contents(self._poses[leaf], boxes[leaf], loose)
         motion = joint.motion(value)
         parts = {name: motion @ self.memory.first[name] if value else self.memory.first[name] for name in joint.bodies}
-        contents = {name: parts[leaf] @ offset for name, offset in offsets.items()}
-        poses, joints = {**self._poses, **parts, **contents}, {**self.state.joints, leaf: value}
+        within = {name: parts[leaf] @ offset for name, offset in offsets.items()}
+        poses, joints = {**self._poses, **parts, **within}, {**self.state.joints, leaf: value}
         return replace(self.state, poses=poses, joints=joints)

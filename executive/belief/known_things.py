@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from executive.belief.knowledge import Knowledge, Source
-from executive.belief.memory import Base, Memory
+from executive.belief.memory import Base, Knowledge, Memory, Source
 from executive.belief.obstacles import NAMES
 from executive.belief.recognition import VISION, Recognition
 from executive.maps.classes import is_kind
@@ -139,10 +138,6 @@ class KnownThings:
     def reference_pose(self, name: str) -> Pose:
         """Look up the pose to which relative locations refer: for a held object, the one before it was grasped."""
         return self.held[name].before if name in self.held else self._poses[name]
-
-    def carried(self) -> frozenset[str]:
-        """Collect the held objects and those that stand on them."""
-        return self.state.carried()
 
     def seen_from_here(self, name: str) -> bool:
         """Check whether an object has been seen since the base last moved, or the map is trusted about it."""

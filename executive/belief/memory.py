@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import field, replace
+from enum import Enum
+from typing import NamedTuple
 
-from executive.belief.knowledge import Knowledge, Source
 from executive.belief.recognition import Recognition
 from executive.maps.semantic_map import MapObject
 from planlang.designators import Object
@@ -19,6 +20,28 @@ MOST_FAILURES = 2
 plans repeat a step about three times."""
 Base = tuple[float, float, float]
 """Pose of the base in the map (x [m], y [m], yaw [rad])."""
+
+
+class Source(Enum):
+    """Source of a believed pose."""
+
+    MAP = "map"
+    TOLD = "told"
+    """The map, if the user trusts it (--trust-map)."""
+    SEEN = "seen"
+    FELT = "felt"
+    DONE = "done"
+    """The robot's own action: it released, pushed or lost the object there."""
+
+
+class Knowledge(NamedTuple):
+    """Source and age of an object's pose."""
+
+    source: Source
+    time: float = 0.0
+    """Plan time at which the pose became known [s]."""
+    moves: int = 0
+    """Number of motions of the base before that."""
 
 
 @dataclass(frozen=True, slots=True)

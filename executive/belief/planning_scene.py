@@ -169,10 +169,6 @@ class Visibility(ScenePart):
         camera = self._robot.camera
         return (0.0, 0.0) if camera is None else (camera.near, camera.far)
 
-    def looked_in_vain(self, name: str) -> Sequence[BasePose]:
-        """List the base poses from which a body was looked for and not seen."""
-        return self._belief.looked_in_vain(name)
-
     def own_view(self) -> OwnView | None:
         """Compute the view that the robot's body leaves its camera in the current posture; None without a camera."""
         camera = self._robot.camera
@@ -292,11 +288,6 @@ class PlanningScene:
     def base(self) -> BasePose:
         """Look up the pose of the base."""
         return self.world.configuration().base
-
-    @property
-    def base_radius(self) -> float:
-        """Radius of the base's outline [m]."""
-        return self.robot.base.radius
 
     def spare_payload(self, body: str) -> float:
         """Compute how much may be added to a body that hands carry, or to what is on one [kg]; inf if none does."""

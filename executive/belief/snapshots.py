@@ -7,8 +7,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from executive.belief.knowledge import Knowledge, Source
-from executive.belief.memory import Memory
+from executive.belief.memory import Knowledge, Memory, Source
 from executive.belief.obstacles import NAMES
 from executive.maps.semantic_map import MapObject
 from planlang.geometry import Pose

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from executive.belief import Belief
-from executive.belief.knowledge import Source
 from executive.belief.map_writing import map_text
+from executive.belief.memory import Source
 from executive.belief.obstacles import MOST, NAMES, with_store
 from executive.maps import SemanticMap, read_map, scene_of
 from executive.robots import Robot, bind_robot
