@@ -42,7 +42,8 @@ class Belief(KnownThings):
             if detection.name in self.memory.unknown:
                 self._find_out(detection.name)
             if detection.name in self._poses and detection.name not in self.state.carried():
-                self.memory = self.memory.saw(detection.name)
+                seen = self.memory.learned((detection.name,), Source.SEEN)
+                self.memory = replace(seen, in_vain=without(seen.in_vain, detection.name))
                 self._put(detection.name, detection.pose, "seen")
                 self._read(detection)
 
@@ -63,21 +64,23 @@ class Belief(KnownThings):
 
     def doubted(self, name: str) -> None:
         """Record that the state of a leaf or device may have changed, so that it has to be looked at again."""
-        self.memory = self.memory.doubts(name)
+        self.memory = replace(self.memory, witnessed=self.memory.witnessed - {name})
 
     def _find_out(self, name: str) -> None:
         self._become(poses={**self._poses, name: self.memory.unknown[name]})
-        self.memory = self.memory.found(name)
+        self.memory = replace(self.memory, unknown=without(self.memory.unknown, name))
         self._changed("found", name=name)
 
     def not_seen(self, name: str, base: Base) -> None:
         """Record that an object was looked for from a base pose and not seen."""
-        self.memory = self.memory.not_seen(name, base)
+        in_vain = self.memory.in_vain
+        self.memory = replace(self.memory, in_vain={**in_vain, name: (*in_vain.get(name, ()), base)})
         self._changed("not_seen", name=name, base=base)
 
     def not_there(self, name: str) -> None:
         """Record that an object is not at its believed pose, so that its place is unknown."""
-        self.memory = self.memory.lost_sight(name, self._poses[name])
+        lost, unknown = self.memory.without_place(name), {**self.memory.unknown, name: self._poses[name]}
+        self.memory = replace(lost, unknown=unknown, in_vain=without(lost.in_vain, name))
         self._become(poses=without(self._poses, name))
         self._changed("not there", name=name)
 
@@ -168,7 +171,8 @@ class Belief(KnownThings):
 
     def grasped(self, name: str, arm: str, link: str, offset: Pose) -> None:
         """Record that a hand has grasped an object, in addition to hands that hold it already."""
-        self.memory = self.memory.grasped(name, arm)
+        dropped = {one: lost for one, lost in self.memory.dropped.items() if one != arm and lost != name}
+        self.memory = replace(self.memory, dropped=dropped, failing=without(self.memory.failing, arm))
         self.state = self.state.gripped(name, Hold(arm, link, offset))
         self._changed("grasped", name=name, arm=arm)
 
@@ -179,7 +183,7 @@ class Belief(KnownThings):
     def released(self, name: str, pose: Pose, *, to: str | None = None) -> None:
         """Record that an object was released: to a person, or to rest at ``pose`` with the objects on it."""
         self._came_down(name, pose)
-        self.memory = self.memory.allowing(name)
+        self.memory = replace(self.memory, refused=without(self.memory.refused, name))
         if to is not None:
             self._become(away=self.state.away | {name})
         self._changed("released", name=name, pose=pose, to=to)
@@ -191,7 +195,8 @@ class Belief(KnownThings):
 
     def refuse(self, name: str, grip: Grip) -> None:
         """Rule out a grip of an object for later grasps, until the object is released from another grip."""
-        self.memory = self.memory.refusing(name, grip)
+        offsets = (*self.memory.refused.get(name, ()), *(hand.offset for hand in grip.hands))
+        self.memory = replace(self.memory, refused={**self.memory.refused, name: offsets})
         self._changed("grip refused", name=name)
 
     def lost(self, name: str, pose: Pose) -> None:

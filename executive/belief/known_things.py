@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from itertools import chain
 from typing import Any
 
@@ -175,12 +176,12 @@ class KnownThings:
             name = self._find(what, near)
             if name is None:
                 return self._container(what, near)
-            self.memory = self.memory.bind(what, name)
+            self.bound_to(what, name)
         return self.memory.bound[what]
 
     def bound_to(self, what: Object, name: str) -> None:
         """Bind a designator to an object."""
-        self.memory = self.memory.bind(what, name)
+        self.memory = replace(self.memory, bound={**self.memory.bound, what: name})
 
     def of_class(self, what: Object) -> tuple[str, ...]:
         """List the objects of a designator's class, in the order of the map."""

@@ -12,7 +12,6 @@ from executive.maps.semantic_map import MapObject
 from planlang.designators import Object
 from planlang.geometry import Pose
 from planlang.records import dataclass
-from planlang.state import Grip
 from planlang.state.matter import without
 
 MOST_FAILURES = 2
@@ -98,27 +97,10 @@ class Memory:
         """Know the poses of objects from a source, from now on."""
         return replace(self, known={**self.known, **dict.fromkeys(names, Knowledge(source, self.time, self.moves))})
 
-    def saw(self, name: str) -> Memory:
-        """Know the pose of an object from the camera."""
-        return replace(self.learned((name,), Source.SEEN), in_vain=without(self.in_vain, name))
-
-    def not_seen(self, name: str, base: Base) -> Memory:
-        """Remember from where an object was looked for in vain."""
-        return replace(self, in_vain={**self.in_vain, name: (*self.in_vain.get(name, ()), base)})
-
     def without_place(self, name: str) -> Memory:
         """Forget where an object was; its designators may be bound to others."""
         bound = {what: meant for what, meant in self.bound.items() if meant != name}
         return replace(self, known=without(self.known, name), bound=bound)
-
-    def lost_sight(self, name: str, pose: Pose) -> Memory:
-        """Remember that an object is not where it was believed to be."""
-        forgotten = self.without_place(name)
-        return replace(forgotten, unknown={**self.unknown, name: pose}, in_vain=without(self.in_vain, name))
-
-    def found(self, name: str) -> Memory:
-        """Remember that the place of an object is known again."""
-        return replace(self, unknown=without(self.unknown, name))
 
     def destroyed(self, name: str) -> Memory:
         """Remember that an object exists no more."""
@@ -132,28 +114,6 @@ class Memory:
         """Remember that the state of a leaf or device is as the robot itself has seen, felt or set it."""
         return self if name in self.witnessed else replace(self, witnessed=self.witnessed | {name})
 
-    def doubts(self, name: str) -> Memory:
-        """Remember that the state of a leaf or device may have changed."""
-        return replace(self, witnessed=self.witnessed - {name})
-
-    def bind(self, what: Object, name: str) -> Memory:
-        """Let a designator stand for an object."""
-        return replace(self, bound={**self.bound, what: name})
-
-    def grasped(self, name: str, arm: str) -> Memory:
-        """Forget what an arm had lost and how its hand failed, and that any arm had lost what it holds now."""
-        left = {one: lost for one, lost in self.dropped.items() if one != arm and lost != name}
-        return replace(self, dropped=left, failing=without(self.failing, arm))
-
     def dropping(self, name: str, arms: Collection[str]) -> Memory:
         """Remember which arms have lost an object."""
         return replace(self, dropped={**self.dropped, **dict.fromkeys(arms, name)})
-
-    def refusing(self, name: str, grip: Grip) -> Memory:
-        """Rule out a grip of an object."""
-        offsets = (*self.refused.get(name, ()), *(hand.offset for hand in grip.hands))
-        return replace(self, refused={**self.refused, name: offsets})
-
-    def allowing(self, name: str) -> Memory:
-        """Rule out no grip of an object any more."""
-        return replace(self, refused=without(self.refused, name))
