@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from executive.keywords import locate as locate
     from executive.keywords import simulate as simulate
     from executive.keywords import sweep as sweep
-    from planlang.authoring import *  # noqa: F403  its __all__ is checked
-    from planlang.authoring import BadInput as BadInput
+    from planlang.authoring import *  # noqa: F403
 
     __version__: str
 else:  # with a __getattr__ in its sight, mypy would accept any name
@@ -27,6 +26,8 @@ else:  # with a __getattr__ in its sight, mypy would accept any name
         home = import_module(_HOMES.get(name, "planlang.authoring"))  # nothing is loaded before it is asked for
         if name == "__version__":
             return home.version("planlang")
+        if name == "__all__":
+            return [one for one in vars(home) if not one.startswith("_") and one != "BadInput"]
         try:
             return getattr(home, name)
         except AttributeError:

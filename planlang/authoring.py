@@ -1,225 +1,116 @@
 """The names that plans import, which ``planlang`` offers."""
 
-from planlang.designators import (
-    Action,
-    Condition,
-    Device,
-    Location,
-    Object,
-    Person,
-    Posture,
-    Relation,
-    Situation,
-    a_device,
-    a_location,
-    a_person,
-    a_posture,
-    a_situation,
-    action,
-    action_class,
-    an_object,
-    holding,
-    located,
-)
+from planlang.designators import Action as Action
+from planlang.designators import Condition as Condition
+from planlang.designators import Device as Device
+from planlang.designators import Location as Location
+from planlang.designators import Object as Object
+from planlang.designators import Person as Person
+from planlang.designators import Posture as Posture
+from planlang.designators import Relation as Relation
+from planlang.designators import Situation as Situation
+from planlang.designators import a_device as a_device
+from planlang.designators import a_location as a_location
+from planlang.designators import a_person as a_person
+from planlang.designators import a_posture as a_posture
+from planlang.designators import a_situation as a_situation
+from planlang.designators import action as action
+from planlang.designators import action_class as action_class
+from planlang.designators import an_object as an_object
+from planlang.designators import holding as holding
+from planlang.designators import located as located
 from planlang.diagnostics import BadInput as BadInput
-from planlang.failures import PlanFailure
-from planlang.kernel import (
-    CleanupOverrun,
-    DeadlockError,
-    Evaporated,
-    Fluent,
-    Host,
-    NoProgress,
-    PlanStructureError,
-    RealTimeHost,
-    RunError,
-    Signal,
-    SimulationHost,
-    Status,
-    StepLimit,
-    StuckTask,
-    VirtualHost,
-    checkpoint,
-    in_thread,
-    now,
-    rng,
-    shield,
-    sleep,
-    wait_for,
-)
-from planlang.language.branches import (
-    par,
-    par_each,
-    pursue,
-    race,
-    seq,
-    try_all,
-    try_each_in_order,
-    try_in_order,
-    unwind_protect,
-)
-from planlang.language.budgets import budget, timeout
-from planlang.language.conditions import Policy, achieve, holds, whenever, with_policies
-from planlang.language.executive import Executive
-from planlang.language.location import at_location
-from planlang.language.ordering import given, partial_order
-from planlang.language.performing import Request, monitor, perform, perform_async, with_requests
-from planlang.language.plans import (
-    Handle,
-    Plan,
-    evaporate,
-    join,
-    on_suspension,
-    plan,
-    retry_after_suspension,
-    suspend,
-    tag,
-    task,
-    task_suspended,
-    wake_up,
-)
-from planlang.language.process_module import ProcessModule, process_module
-from planlang.language.recovery import (
-    PROPAGATE,
-    RETRY,
-    Recovery,
-    RecoveryResult,
-    Return,
-    explain,
-    retry,
-    with_failure_handling,
-)
-from planlang.language.resources import using
-from planlang.language.running import run
-from planlang.language.state_machine import state_machine
-from planlang.language.tasktree import TaskTree
-from planlang.motion_constraints import Feature, MotionConstraint, a_constraint, a_feature
-from planlang.object_changes import baked, contains, created, destroyed, switched_on, transformed_into
-from planlang.recoveries import (
-    fetch_again,
-    ignore,
-    look_and_repeat,
-    look_from_another_place,
-    open_what_is_in_the_way,
-    put_down_and_regrasp,
-    recovery_strategy,
-    step_back_and_repeat,
-)
-from planlang.runs import Trace
-from planlang.runs.run_tree import TaskNode
-
-__all__ = [
-    "PROPAGATE",
-    "RETRY",
-    "Action",
-    "CleanupOverrun",
-    "Condition",
-    "DeadlockError",
-    "Device",
-    "Evaporated",
-    "Executive",
-    "Feature",
-    "Fluent",
-    "Handle",
-    "Host",
-    "Location",
-    "MotionConstraint",
-    "NoProgress",
-    "Object",
-    "Person",
-    "Plan",
-    "PlanFailure",
-    "PlanStructureError",
-    "Policy",
-    "Posture",
-    "ProcessModule",
-    "RealTimeHost",
-    "Recovery",
-    "RecoveryResult",
-    "Relation",
-    "Request",
-    "Return",
-    "RunError",
-    "Signal",
-    "SimulationHost",
-    "Situation",
-    "Status",
-    "StepLimit",
-    "StuckTask",
-    "TaskNode",
-    "TaskTree",
-    "Trace",
-    "VirtualHost",
-    "a_constraint",
-    "a_device",
-    "a_feature",
-    "a_location",
-    "a_person",
-    "a_posture",
-    "a_situation",
-    "achieve",
-    "action",
-    "action_class",
-    "an_object",
-    "at_location",
-    "baked",
-    "budget",
-    "checkpoint",
-    "contains",
-    "created",
-    "destroyed",
-    "evaporate",
-    "explain",
-    "fetch_again",
-    "given",
-    "holding",
-    "holds",
-    "ignore",
-    "in_thread",
-    "join",
-    "located",
-    "look_and_repeat",
-    "look_from_another_place",
-    "monitor",
-    "now",
-    "on_suspension",
-    "open_what_is_in_the_way",
-    "par",
-    "par_each",
-    "partial_order",
-    "perform",
-    "perform_async",
-    "plan",
-    "process_module",
-    "pursue",
-    "put_down_and_regrasp",
-    "race",
-    "recovery_strategy",
-    "retry",
-    "retry_after_suspension",
-    "rng",
-    "run",
-    "seq",
-    "shield",
-    "sleep",
-    "state_machine",
-    "step_back_and_repeat",
-    "suspend",
-    "switched_on",
-    "tag",
-    "task",
-    "task_suspended",
-    "timeout",
-    "transformed_into",
-    "try_all",
-    "try_each_in_order",
-    "try_in_order",
-    "unwind_protect",
-    "using",
-    "wait_for",
-    "wake_up",
-    "whenever",
-    "with_failure_handling",
-    "with_policies",
-    "with_requests",
-]
+from planlang.failures import PlanFailure as PlanFailure
+from planlang.kernel import CleanupOverrun as CleanupOverrun
+from planlang.kernel import DeadlockError as DeadlockError
+from planlang.kernel import Evaporated as Evaporated
+from planlang.kernel import Fluent as Fluent
+from planlang.kernel import Host as Host
+from planlang.kernel import NoProgress as NoProgress
+from planlang.kernel import PlanStructureError as PlanStructureError
+from planlang.kernel import RealTimeHost as RealTimeHost
+from planlang.kernel import RunError as RunError
+from planlang.kernel import Signal as Signal
+from planlang.kernel import SimulationHost as SimulationHost
+from planlang.kernel import Status as Status
+from planlang.kernel import StepLimit as StepLimit
+from planlang.kernel import StuckTask as StuckTask
+from planlang.kernel import VirtualHost as VirtualHost
+from planlang.kernel import checkpoint as checkpoint
+from planlang.kernel import in_thread as in_thread
+from planlang.kernel import now as now
+from planlang.kernel import rng as rng
+from planlang.kernel import shield as shield
+from planlang.kernel import sleep as sleep
+from planlang.kernel import wait_for as wait_for
+from planlang.language.branches import par as par
+from planlang.language.branches import par_each as par_each
+from planlang.language.branches import pursue as pursue
+from planlang.language.branches import race as race
+from planlang.language.branches import seq as seq
+from planlang.language.branches import try_all as try_all
+from planlang.language.branches import try_each_in_order as try_each_in_order
+from planlang.language.branches import try_in_order as try_in_order
+from planlang.language.branches import unwind_protect as unwind_protect
+from planlang.language.budgets import budget as budget
+from planlang.language.budgets import timeout as timeout
+from planlang.language.conditions import Policy as Policy
+from planlang.language.conditions import achieve as achieve
+from planlang.language.conditions import holds as holds
+from planlang.language.conditions import whenever as whenever
+from planlang.language.conditions import with_policies as with_policies
+from planlang.language.executive import Executive as Executive
+from planlang.language.location import at_location as at_location
+from planlang.language.ordering import given as given
+from planlang.language.ordering import partial_order as partial_order
+from planlang.language.performing import Request as Request
+from planlang.language.performing import monitor as monitor
+from planlang.language.performing import perform as perform
+from planlang.language.performing import perform_async as perform_async
+from planlang.language.performing import with_requests as with_requests
+from planlang.language.plans import Handle as Handle
+from planlang.language.plans import Plan as Plan
+from planlang.language.plans import evaporate as evaporate
+from planlang.language.plans import join as join
+from planlang.language.plans import on_suspension as on_suspension
+from planlang.language.plans import plan as plan
+from planlang.language.plans import retry_after_suspension as retry_after_suspension
+from planlang.language.plans import suspend as suspend
+from planlang.language.plans import tag as tag
+from planlang.language.plans import task as task
+from planlang.language.plans import task_suspended as task_suspended
+from planlang.language.plans import wake_up as wake_up
+from planlang.language.process_module import ProcessModule as ProcessModule
+from planlang.language.process_module import process_module as process_module
+from planlang.language.recovery import PROPAGATE as PROPAGATE
+from planlang.language.recovery import RETRY as RETRY
+from planlang.language.recovery import Recovery as Recovery
+from planlang.language.recovery import RecoveryResult as RecoveryResult
+from planlang.language.recovery import Return as Return
+from planlang.language.recovery import explain as explain
+from planlang.language.recovery import retry as retry
+from planlang.language.recovery import with_failure_handling as with_failure_handling
+from planlang.language.resources import using as using
+from planlang.language.running import run as run
+from planlang.language.state_machine import state_machine as state_machine
+from planlang.language.tasktree import TaskTree as TaskTree
+from planlang.motion_constraints import Feature as Feature
+from planlang.motion_constraints import MotionConstraint as MotionConstraint
+from planlang.motion_constraints import a_constraint as a_constraint
+from planlang.motion_constraints import a_feature as a_feature
+from planlang.object_changes import baked as baked
+from planlang.object_changes import contains as contains
+from planlang.object_changes import created as created
+from planlang.object_changes import destroyed as destroyed
+from planlang.object_changes import switched_on as switched_on
+from planlang.object_changes import transformed_into as transformed_into
+from planlang.recoveries import fetch_again as fetch_again
+from planlang.recoveries import ignore as ignore
+from planlang.recoveries import look_and_repeat as look_and_repeat
+from planlang.recoveries import look_from_another_place as look_from_another_place
+from planlang.recoveries import open_what_is_in_the_way as open_what_is_in_the_way
+from planlang.recoveries import put_down_and_regrasp as put_down_and_regrasp
+from planlang.recoveries import recovery_strategy as recovery_strategy
+from planlang.recoveries import step_back_and_repeat as step_back_and_repeat
+from planlang.runs import Trace as Trace
+from planlang.runs.run_tree import TaskNode as TaskNode

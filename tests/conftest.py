@@ -4,11 +4,9 @@ import gc
 import os
 import signal
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
 
 import pytest
-import typer.testing
 from hypothesis import settings
 
 # no test is timed; continuous integration tries the same examples each time, everybody else new ones
@@ -24,9 +22,6 @@ settings.load_profile("planlang")
 # a shell lets what it runs in the background ignore Ctrl-C, and so would the processes that tests interrupt
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
-
-# CliRunner would make all commands and their options anew for each call, which takes longer than many of them
-typer.testing._get_command = cache(typer.testing._get_command)  # type: ignore[attr-defined]
 
 TESTS = Path(__file__).resolve().parent
 CORPUS = Path(__file__).resolve().parents[2] / "shared" / "corpus"

@@ -58,17 +58,21 @@ MOST_REMOVED = 8
 """Bodies near the straight line to remove hypothetically, one at a time."""
 
 
-def pinched(touches: Iterable[Touch]) -> Array | None:
-    """Find the map point (3,) midway between opposed touches of two fingers; None if no touches are opposed."""
-    sides = [
+def opposed(touches: Iterable[Touch], least: float = OPPOSED) -> tuple[Touch, Touch] | None:
+    """Find the most opposed touches of two links; None if the cosine between all normals is above ``least``."""
+    pairs = [
         (float(np.dot(one.normal, other.normal)), one, other)
         for one, other in combinations(touches, 2)
         if one.link != other.link
     ]
-    opposed, one, other = min(sides, key=itemgetter(0), default=(0.0, None, None))
-    if one is None or other is None or opposed > OPPOSED:
-        return None
-    return np.add(one.point, other.point) / 2
+    cosine, *pair = min(pairs, key=itemgetter(0), default=(math.inf,))
+    return None if cosine > least else (pair[0], pair[1])
+
+
+def pinched(touches: Iterable[Touch]) -> Array | None:
+    """Find the map point (3,) midway between opposed touches of two fingers; None if no touches are opposed."""
+    pair = opposed(touches)
+    return None if pair is None else np.add(pair[0].point, pair[1].point) / 2
 
 
 def _names(touches: str | None) -> frozenset[str]:

@@ -5,15 +5,15 @@ from __future__ import annotations
 import io
 import os
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from importlib import import_module
 from types import ModuleType
-from typing import Annotated, Any, NoReturn
+from typing import NoReturn
 
-import typer
+import click
 
 from executive.cli.arguments import Arguments
-from executive.cli.command_lines import Commands, command_of, explain, guessed_value, parsed, with_parameters
+from executive.cli.command_lines import Commands, command_of, explain, guessed_value, parsed
 from executive.cli.console import Answer, ExitCode, answer, give, say, usage
 from planlang.machine import check_memory
 
@@ -33,8 +33,8 @@ def _arguments(name: str, file: str) -> type[Arguments]:
     return kind
 
 
-def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
-    """Make the function of a command. The module of the same name does the work."""
+def _command(name: str, file: str, example: str) -> click.Command:
+    """Make a command. The module of the same name does the work."""
 
     def called(given: Arguments) -> None:
         def work() -> Answer:
@@ -48,7 +48,7 @@ def _command(name: str, arguments: type[Arguments]) -> Callable[..., None]:
             detail = given.detail
         answer(name, work, as_json=given.json, detail=detail)
 
-    return with_parameters(name, arguments, called)
+    return command_of(name, _arguments(name, file), called, example)
 
 
 RUNS, AUTHORING, SERVER = "arguments", "authoring_arguments", "server_arguments"
@@ -96,59 +96,30 @@ _COMMANDS: tuple[tuple[str, str, str], ...] = (
 _EXIT_CODES = "Exit codes: 0 done, 1 the plan failed, 2 bad input, 3 robot or program lacks something, 130 interrupted."
 
 
-def app_of(commands: Iterable[tuple[str, str, str]]) -> typer.Typer:
+def app_of(commands: Iterable[tuple[str, str, str]]) -> click.Group:
     """Make the command line of some commands."""
-    made = typer.Typer(
-        cls=Commands,
+    made = Commands(
+        "planlang",
         no_args_is_help=True,
-        rich_markup_mode=None,
-        pretty_exceptions_enable=False,
         context_settings={"help_option_names": ["-h", "--help"]},
         help="Compile OWL action recipes to robot plans and run them in a simulated world.",
         epilog=_EXIT_CODES,
     )
-    made.callback(invoke_without_command=True)(planlang)
-    about_robots = "Inspect robots, make robot files."
-    robot_app = typer.Typer(cls=Commands, no_args_is_help=True, rich_markup_mode=None, help=about_robots)
-    robot_app.callback()(robots_command)
-    made.add_typer(robot_app, name="robot")
+    robots = Commands("robot", no_args_is_help=True, help="Inspect robots, make robot files.")
     for name, file, example in commands:
-        arguments = _arguments(name, file)
-        # without a short help, click cuts the first sentence off after 45 characters
-        summary = (arguments.__doc__ or "").partition(".")[0] + "."
-        group = robot_app if name.startswith("robot") else made
-        kind, epilog = command_of(arguments), f"Example: planlang {name} {example}"
-        add = group.command(name.split()[-1], cls=kind, short_help=summary, epilog=epilog)
-        add(_command(name, arguments))
-    return made
+        (robots if name.startswith("robot") else made).add_command(_command(name, file, example))
+    if robots.commands:
+        made.add_command(robots)
+    told = "Print the version and exit."
+    return click.version_option(package_name="planlang", message="planlang %(version)s", help=told)(made)
 
 
-def __getattr__(name: str) -> typer.Typer:
+def __getattr__(name: str) -> click.Group:
     """Make ``app``, the command line of all commands, when it is first used."""
     if name != "app":
         raise AttributeError(name)
     globals()["app"] = made = app_of(_COMMANDS)
     return made
-
-
-def planlang(
-    context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
-) -> None:
-    """Compile OWL action recipes to robot plans and run them in a simulated world."""
-    if version:
-        from importlib.metadata import version as installed_version  # slow to import
-
-        typer.echo(f"planlang {installed_version('planlang')}")
-        raise typer.Exit
-
-
-def robots_command() -> None:
-    """Inspect robots, make robot files."""
-
-
-# Some versions of typer vendor click: find the class of usage errors among the bases of one that typer exports.
-_UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "UsageError")
 
 
 def main() -> NoReturn:
@@ -157,7 +128,7 @@ def main() -> NoReturn:
         # of the command that the words name, else of all
         named = [one for one in _COMMANDS if [one[0]] == sys.argv[1:2]]
         code = app_of(named or _COMMANDS)(prog_name="planlang", standalone_mode=False)
-    except _UsageError as problem:
+    except click.UsageError as problem:
         if "--json" in sys.argv:
             name, message, advice = explain(problem)
             give(name, Answer(ExitCode.BAD_INPUT, data={"error": message, "help": advice}), as_json=True)
@@ -168,9 +139,9 @@ def main() -> NoReturn:
             if guessed := guessed_value(problem.format_message()):
                 say(f"    help: {guessed}")
         code = ExitCode.BAD_INPUT
-    except typer.Exit as end:
+    except click.exceptions.Exit as end:
         code = end.exit_code
-    except typer.Abort:
+    except click.Abort:
         code = ExitCode.INTERRUPTED
     except BrokenPipeError:  # the reader of stdout has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,18 +1,16 @@
-"""Commands from dataclasses: parameters of typer from declared options, and what is said of wrong usage."""
+"""Commands of click from dataclasses: parameters from declared options, and what is said of wrong usage."""
 
 from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
-from functools import partial
-from pathlib import Path
-from types import NoneType, UnionType
-from typing import Annotated, Any, TypeVar, get_args
+from enum import Enum
+from types import NoneType
+from typing import Any, TypeVar, get_args, get_origin
 
-import typer
-from typer.core import TyperCommand, TyperGroup
+import click
 
 from executive.cli.arguments import Arguments
 from executive.options.declaring import Stated, declared
@@ -20,133 +18,37 @@ from planlang.spelling import guess
 from planlang.words import COMMAND_LINE, said
 
 A = TypeVar("A", bound=Arguments)
-_WHOLE, _DECIMAL = re.compile(r"0|-?[1-9][0-9]{0,8}"), re.compile(r"-?(?:0|[1-9][0-9]{0,8})(?:\.[0-9]{1,9})?")
 
 
-def typed(arguments: type[Arguments]) -> dict[str, Any]:
-    """Types of the parameters of a command, as typer wants them: annotated with an option or argument of its own."""
-    return {name: Annotated[_type(one), _info(one)] for name, one in declared(arguments).items()}
-
-
-def _type(one: Stated) -> Any:
-    """The type to which typer converts words; what is parsed afterwards is text."""
-    if one.declared.parse is None:
-        return one.annotation
-    words = list[str] if one.declared.is_repeatable else str
-    return words if one.is_required else words | None
-
-
-def _info(one: Stated) -> Any:
-    """The option or argument of typer for a declaration."""
-    known = one.declared
-    more: dict[str, Any] = {
-        "metavar": known.metavar,
-        "help": said(known.help, COMMAND_LINE),
-        "min": known.least,
-        "max": known.most,
-        "envvar": known.envvar,
-        "show_default": known.shows_default,
-    }
-    return typer.Argument(**more) if known.is_positional else typer.Option(*_words(one), **more)
-
-
-def _words(one: Stated) -> tuple[str, ...]:
-    """The words of an option, if typer would not make them of the name: of a flag it would make two."""
-    is_flag = one.annotation is bool and not one.declared.words
-    return (f"--{one.name.replace('_', '-')}",) if is_flag else one.declared.words
-
-
-def command_of(arguments: type[Arguments]) -> type[TyperCommand]:
-    """Make the class of a command with the fields of a dataclass, which converts plain words by itself.
-
-    Typer imports pydantic for each word, which takes a tenth of a short run. It still converts, and refuses, the rest.
-    """
-    hints = typed(arguments)
-
-    class Command(TyperCommand):
-        def get_params(self, ctx: Any) -> list[Any]:
-            return _plain_first(super().get_params(ctx), hints)
-
-    return Command
-
-
-class Commands(TyperGroup):
-    """Group of commands that converts nothing where nothing is stated: see :func:`command_of`."""
-
-    def get_params(self, ctx: Any) -> list[Any]:
-        """List the parameters, as click does."""
-        return _plain_first(super().get_params(ctx), {})
-
-
-def _plain_first(parameters: Sequence[Any], hints: Mapping[str, Any]) -> list[Any]:
-    for one in parameters:
-        if not isinstance(one.process_value, partial):
-            one.process_value = partial(_processed, one, one.process_value, hints.get(one.name))
-    return list(parameters)
-
-
-def _processed(parameter: Any, convert: Callable[[Any, Any], Any], hint: Any, context: Any, value: Any) -> Any:
-    """Convert what was stated for a parameter, or its default."""
-    is_list = parameter.multiple or parameter.nargs != 1
-    if parameter.required and not value:
-        return convert(context, value)
-    if value is None:
-        word: Any = () if is_list else None
-        return word if parameter.callback is None else parameter.callback(context, parameter, word)
-    if hint is not None and parameter.callback is None:
-        kind, info = get_args(hint)[0], hint.__metadata__[0]
-        kind, *others = (
-            [one for one in get_args(kind) if one is not NoneType] if isinstance(kind, UnionType) else [kind]
-        )
-        words = value if is_list and isinstance(value, list | tuple) else [value]
-        plain = [_plain(get_args(kind)[0] if is_list else kind, info, word) for word in words]
-        if not others and None not in plain:
-            return plain if is_list else plain[0]
-    return convert(context, value)
-
-
-def _plain(kind: Any, info: Any, word: Any) -> Any:
-    """Convert a word that needs no more than the constructor of its type; None for any other."""
-    if isinstance(word, kind) and not isinstance(word, str):
-        return word  # a default
-    if not isinstance(word, str):
-        return None
-    if kind is str:
-        return word
-    if kind is Path and not (info.exists or info.resolve_path or info.allow_dash):
-        return Path(word)
-    if kind in (int, float) and (_WHOLE if kind is int else _DECIMAL).fullmatch(word):
-        number = kind(word)
-        return number if (info.min is None or number >= info.min) and (info.max is None or number <= info.max) else None
-    return None
-
-
-def with_parameters(name: str, arguments: type[A], work: Callable[[A], None]) -> Callable[..., None]:
-    """Make a function for typer whose parameters are the fields of a dataclass: its own first, then inherited ones.
+def command_of(name: str, arguments: type[A], work: Callable[[A], None], example: str) -> click.Command:
+    """Make a command whose parameters are the fields of a dataclass: its own first, then inherited ones.
 
     ``work`` gets the arguments with the words that were stated; :func:`parsed` makes values of them.
     """
-    hints, known = typed(arguments), declared(arguments)
     own = {one.name for kind in _own(arguments) for one in fields(kind) if one.name in inspect.get_annotations(kind)}
-    parameters = []
-    for stated in sorted(known.values(), key=lambda one: one.name not in own):
-        default = inspect.Parameter.empty if stated.is_required else stated.field.default
-        keyword = inspect.Parameter.KEYWORD_ONLY
-        parameters.append(inspect.Parameter(stated.name, keyword, annotation=hints[stated.name], default=default))
+    text = inspect.cleandoc(arguments.__doc__ or "")
+    return click.Command(
+        name.split()[-1],
+        callback=lambda **values: work(arguments_of(arguments, values)),
+        params=[_parameter(one) for one in sorted(declared(arguments).values(), key=lambda one: one.name not in own)],
+        help=text,
+        short_help=text.partition(".")[0] + ".",  # click would cut the first sentence off after 45 characters
+        epilog=f"Example: planlang {name} {example}",
+    )
 
-    def called(**values: Any) -> None:
-        work(arguments(**values))
 
-    called.__name__, called.__doc__ = name, arguments.__doc__
-    called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    called.__annotations__ = {one.name: one.annotation for one in parameters}
-    return called
+def arguments_of(kind: type[A], values: Mapping[str, Any]) -> A:
+    """Arguments from the values of click, by name; what was not stated has its default."""
+    stated = {name: one for name, one in values.items() if one not in (None, ())}
+    lists: dict[str, Any] = {name: list(one) for name, one in stated.items() if isinstance(one, tuple)}
+    return kind(**{**stated, **lists})
 
 
 def parsed(arguments: A) -> A:
     """Give options the values that their words mean. Raises BadInput."""
-    known = declared(type(arguments))
-    return replace(arguments, **{name: _value(one, getattr(arguments, name)) for name, one in known.items()})
+    read = {name: one for name, one in declared(type(arguments)).items() if one.declared.parse is not None}
+    words = {name: given for name in read if (given := getattr(arguments, name)) is not None}
+    return replace(arguments, **{name: read[name].value(given) for name, given in words.items()})
 
 
 def _own(arguments: type[Arguments]) -> list[type]:
@@ -155,31 +57,79 @@ def _own(arguments: type[Arguments]) -> list[type]:
     return [arguments, *(base for base in bases if any(one.declared.is_positional for one in declared(base).values()))]
 
 
-def _value(stated: Stated, given: Any) -> Any:
-    """What the words of an option mean."""
-    return given if stated.declared.parse is None or given in (None, []) else stated.value(given)
+def _parameter(one: Stated) -> click.Parameter:
+    """The option or argument of click for a declaration; what is parsed afterwards is text."""
+    known, kind, is_list = one.declared, *_kind(one)
+    more: dict[str, Any] = {
+        "type": _type(kind, known.least, known.most),
+        "required": one.is_required,
+        "help": said(known.help, COMMAND_LINE),
+        "envvar": known.envvar,
+    }
+    if not one.is_required and not is_list:
+        more["default"] = getattr(one.field.default, "value", one.field.default)
+    metavar = known.metavar
+    if known.is_positional:
+        if not (one.is_required or metavar is None or metavar.startswith("[")):
+            metavar = f"[{metavar}]"
+        return click.Argument([one.name], nargs=-1 if is_list else 1, metavar=metavar, **more)
+    more |= {"is_flag": kind is bool, "multiple": is_list, "metavar": metavar}
+    words = known.words or (f"--{one.name.replace('_', '-')}",)
+    return click.Option([*words, one.name], show_default=known.shows_default, show_envvar=True, **more)
 
 
-# Usage errors: the message and a guess at what was meant, taken from the messages of typer
+def _kind(one: Stated) -> tuple[Any, bool]:
+    """The type of a value, or of each of several."""
+    if one.declared.parse is not None:
+        return str, one.declared.is_repeatable
+    kinds = [each for each in get_args(one.annotation) if each is not NoneType]
+    kind = kinds[0] if NoneType in get_args(one.annotation) else one.annotation
+    return (get_args(kind)[0], True) if get_origin(kind) is list else (kind, False)
 
-_ADVICE = re.compile(r"\s*(?:\((Possible options: [^)]*)\)|(Did you mean .*\?))\s*$")
+
+def _type(kind: Any, least: Any, most: Any) -> Any:
+    """The type of click for a value; a number may have limits."""
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return _Choice(kind)
+    if kind in (int, float) and (least, most) != (None, None):
+        return (click.IntRange if kind is int else click.FloatRange)(least, most)
+    return kind
+
+
+class _Choice(click.Choice[str]):
+    """Members of an enumeration, by their values."""
+
+    def __init__(self, kind: type[Enum]) -> None:
+        super().__init__([str(one.value) for one in kind])
+        self._kind = kind
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return self._kind(super().convert(value, param, ctx))
+
+
+class Commands(click.Group):
+    """Group of commands that are listed in the order in which they were added."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of the commands."""
+        return list(self.commands)
+
+
+# Usage errors: the message, and a guess at what was meant
+
+_ADVICE = re.compile(r"\s*\(?(Did you mean .*\?)\)?$")
 _CHOICE = re.compile(r"'([^']*)' is not one of ('.*')")
 
 
-def explain(problem: Any) -> tuple[str, str, str]:
+def explain(problem: click.UsageError) -> tuple[str, str, str]:
     """Split a usage error into command ("" for ``planlang`` itself), message and advice."""
     path = problem.ctx.command_path if problem.ctx is not None else "planlang"
-    message = problem.format_message()
-    advice = _ADVICE.search(message)
+    command, message = path.removeprefix("planlang").strip(), problem.format_message()
     if getattr(problem, "option_name", None) == "--json":  # --json belongs to a command, and none was named
-        return path.removeprefix("planlang").strip(), "Missing command.", f"{path} -h lists the commands"
-    text = _ADVICE.sub("", message)
-    if advice is not None:
-        help = advice[1] or advice[2]
-        help = help[0].lower() + help[1:]
-    else:
-        help = guessed_value(message) or f"{path} -h shows how it is used"
-    return path.removeprefix("planlang").strip(), text, help
+        return command, "Missing command.", f"{path} -h lists the commands"
+    if (advice := _ADVICE.search(message)) is not None:
+        return command, message[: advice.start()], advice[1][0].lower() + advice[1][1:]
+    return command, message, guessed_value(message) or f"{path} -h shows how it is used"
 
 
 def guessed_value(message: str) -> str:

@@ -13,7 +13,7 @@ from dataclasses import field, replace
 from enum import IntEnum
 from typing import Any
 
-import typer
+import click
 
 from executive.cli.arguments import Arguments, Detail
 from executive.cli.progress import PROGRESS
@@ -49,11 +49,11 @@ class Answer:
     """The result for machines: further keys of the JSON object."""
 
 
-_COLOURS = {Severity.ERROR: typer.colors.RED, Severity.WARNING: typer.colors.YELLOW, Severity.NOTE: typer.colors.CYAN}
+_COLOURS = {Severity.ERROR: "red", Severity.WARNING: "yellow", Severity.NOTE: "cyan"}
 
 
 def answer(command: str, work: Callable[[], Answer], *, as_json: bool, detail: Detail = Detail.CODES) -> None:
-    """Do a command's work and print its result; always raises ``typer.Exit``.
+    """Do a command's work and print its result; always raises ``click.exceptions.Exit``.
 
     A user's mistake is shown as diagnostics. A programming error is reported in one line; with
     ``PLANLANG_TRACEBACK=1`` in the environment its traceback is printed too.
@@ -66,7 +66,7 @@ def answer(command: str, work: Callable[[], Answer], *, as_json: bool, detail: D
     except KeyboardInterrupt:
         reply = Answer(ExitCode.INTERRUPTED, data={"error": "interrupted"})
         say("interrupted")
-    except (BrokenPipeError, typer.Exit, typer.BadParameter):
+    except (BrokenPipeError, click.exceptions.Exit, click.BadParameter):
         raise
     except Exception as problem:
         if (lacking := out_of_resources(problem)) is not None:
@@ -78,20 +78,20 @@ def answer(command: str, work: Callable[[], Answer], *, as_json: bool, detail: D
     finally:
         PROGRESS.close()
     give(command, reply, as_json=as_json, detail=detail)
-    raise typer.Exit(reply.exit_code)
+    raise click.exceptions.Exit(reply.exit_code)
 
 
 @contextmanager
 def usage() -> Iterator[None]:
-    """Turn what is wrong with options into the usage error of typer."""
+    """Turn what is wrong with options into the usage error of click."""
     try:
         yield
     except WrongOption as problem:
-        raise typer.BadParameter(said(problem.diagnostics[0].message, COMMAND_LINE)) from None
+        raise click.BadParameter(said(problem.diagnostics[0].message, COMMAND_LINE)) from None
 
 
 def give(command: str, reply: Answer, *, as_json: bool, detail: Detail = Detail.CODES) -> None:
-    """Print a result. Raises ``typer.Exit`` if stdout cannot be written."""
+    """Print a result. Raises ``click.exceptions.Exit`` if stdout cannot be written."""
     if as_json:
         whole: dict[str, object] = {"command": command, "exit_code": int(reply.exit_code), **_in_words(reply.data)}
         whole["diagnostics"] = [diagnostic.said(COMMAND_LINE).as_json() for diagnostic in reply.diagnostics]
@@ -107,14 +107,14 @@ def give(command: str, reply: Answer, *, as_json: bool, detail: Detail = Detail.
         if text:
             # a name of a file need not be text, and a terminal need not have all characters
             encoding = sys.stdout.encoding or "utf-8"
-            typer.echo(text.encode(encoding, "backslashreplace").decode(encoding))
+            click.echo(text.encode(encoding, "backslashreplace").decode(encoding))
         sys.stdout.flush()
     except BrokenPipeError:
         raise
     except OSError as problem:  # a full disk, say; flushing the buffer at exit would fail again
         say(f"error: stdout cannot be written: {problem.strerror or problem}")
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise typer.Exit(ExitCode.BAD_INPUT) from None
+        raise click.exceptions.Exit(ExitCode.BAD_INPUT) from None
 
 
 def _in_words(data: Any) -> Any:
@@ -150,7 +150,7 @@ def show(diagnostics: Iterable[Diagnostic], detail: Detail = Detail.CODES) -> No
     if counts[Severity.ERROR] or counts[Severity.WARNING] or len(diagnostics) > len(shown):
         numbers = ((counts[one], one.value) for one in Severity if counts[one])
         listed = ", ".join(f"{number} {word}" + ("s" if number != 1 else "") for number, word in numbers)
-        typer.echo(listed + ("; --verbose lists all" if len(diagnostics) > len(shown) else ""), err=True)
+        click.echo(listed + ("; --verbose lists all" if len(diagnostics) > len(shown) else ""), err=True)
 
 
 def _kind(diagnostic: Diagnostic, detail: Detail) -> object:
@@ -165,14 +165,14 @@ def _print(diagnostic: Diagnostic, others: int) -> None:
     message = f"{diagnostic.message} (and {others} more {diagnostic.code})" if others else diagnostic.message
     text = str(replace(diagnostic, message=message))
     if sys.stderr.isatty() and "NO_COLOR" not in os.environ:
-        text = text.replace(label, typer.style(label, fg=_COLOURS[diagnostic.severity], bold=True), 1)
-    typer.echo(text, err=True)
+        text = text.replace(label, click.style(label, fg=_COLOURS[diagnostic.severity], bold=True), 1)
+    click.echo(text, err=True)
 
 
 def say(line: str) -> None:
     """Print one line to stderr."""
     PROGRESS.clear()
-    typer.echo(visible(said(line, COMMAND_LINE)), err=True)
+    click.echo(visible(said(line, COMMAND_LINE)), err=True)
 
 
 def silent(_: object) -> None:

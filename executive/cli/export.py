@@ -9,7 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import typer
+import click
 
 from executive.cli.arguments import ExportArguments
 from executive.cli.console import Answer
@@ -68,11 +68,11 @@ def _began(text: str | None) -> datetime | None:
     try:
         moment = datetime.fromisoformat(text)
     except ValueError:
-        raise typer.BadParameter(
+        raise click.BadParameter(
             f"{text!r} is not a time; write for example --began 2026-11-23T14:00:00+01:00"
         ) from None
     if moment.tzinfo is None or not 1971 <= moment.year <= 9000:
-        raise typer.BadParameter(f"{text!r} needs a time zone, Z or for example +01:00, and a year from 1971 to 9000")
+        raise click.BadParameter(f"{text!r} needs a time zone, Z or for example +01:00, and a year from 1971 to 9000")
     return moment
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import typer
+import click
 
 from executive.cli.authoring_arguments import MergeArguments
 from executive.cli.console import Answer
@@ -17,7 +17,7 @@ from planlang.outputs import check_outputs, write_text
 def command(arguments: MergeArguments) -> Answer:
     """Merge maps; raises BadInput."""
     if len(arguments.maps) < 2:
-        raise typer.BadParameter("name at least two maps")
+        raise click.BadParameter("name at least two maps")
     problems: list[Diagnostic] = []
     paths = environments(arguments.maps, problems)
     inputs = {f"the map {path}": path for path in paths}

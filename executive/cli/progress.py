@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-import typer
+import click
 
 from planlang.records import dataclass
 from planlang.visible import visible
@@ -115,7 +115,7 @@ class Progress:
                 return
             self._shown, work = now, self._works[-1]
             if not is_terminal:
-                typer.echo(visible(work.line(now)), err=True)
+                click.echo(visible(work.line(now)), err=True)
                 return
             bar = "" if work.is_open else f"[{'#' * int(BAR * work.share):{BAR}}] "
             width = shutil.get_terminal_size().columns - 1

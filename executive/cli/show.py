@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import typer
+import click
 
 from executive.cli import inspect, report
 from executive.cli.arguments import ReportArguments
@@ -83,9 +83,9 @@ def _check_drawn(shown: Shown, arguments: ShowArguments) -> None:
         message = f"{arguments.file} cannot be drawn as {output.suffix or output.name}; formats: {formats}"
         raise BadInput([error("C014", message)])
     if view is not None and not (shown.has_view and output is not None):
-        raise typer.BadParameter("--view needs --output, and a map or a robot")
+        raise click.BadParameter("--view needs --output, and a map or a robot")
     if view is not None and not is_view(view):
-        raise typer.BadParameter(f"--view {view!r}: write X,Y,Z or X,Y,Z:X,Y,Z in metres, overview, or top")
+        raise click.BadParameter(f"--view {view!r}: write X,Y,Z or X,Y,Z:X,Y,Z in metres, overview, or top")
 
 
 def _kind(name: str) -> tuple[Path, Callable[[Path, ShowArguments], Shown]]:

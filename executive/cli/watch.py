@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 
-import typer
+import click
 
 from executive.cli.console import Answer, printer_of, say
 from executive.cli.server import ask
@@ -44,7 +44,7 @@ def _watch(client: Client, arguments: WatchArguments) -> Answer:
             kept.append(news)
             if not arguments.json:
                 what = f"{news.change.value:8}  {news.uid} by {news.author}"
-                typer.echo(visible(f"{news.number:6}  {news.made}  {what}"))
+                click.echo(visible(f"{news.number:6}  {news.made}  {what}"))
                 sys.stdout.flush()
     except KeyboardInterrupt:
         pass

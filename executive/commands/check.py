@@ -116,7 +116,7 @@ def fixed_path(recipe: RecipeFile) -> Path:
 
 
 def _fix(recipe: RecipeFile, options: CheckOptions) -> CheckResult:
-    """Write a fixed copy of a recipe, show the difference, and check the copy; raises BadInput.
+    """Write a fixed copy of a recipe, show the difference in Manchester syntax, and check the copy; raises BadInput.
 
     Without ``--output``, an existing file with another text is never overwritten.
     """
@@ -159,7 +159,7 @@ def _fix(recipe: RecipeFile, options: CheckOptions) -> CheckResult:
     lines = [difference] if fixed.done else []
     lines += [f"fixed {one.code} {one.message}\n" for one in fixed.done]
     lines.append(f"{checked}: {verdict}" if fixed.done else f"{checked}: nothing was fixed; {verdict}")
-    diagnostics = (*remaining, *module_problems, *_not_applied(fixed, checked))
+    diagnostics = (*remaining, *module_problems, *fixed.notes, *_not_applied(fixed, checked))
     return CheckResult(not has_errors(remaining), "recipe", "".join(lines), diagnostics, data)
 
 
@@ -190,7 +190,7 @@ def _line(one: Fix) -> str:
 
 
 def _fix_difference(before: Path, after: Path, fixed: Fixed) -> str:
-    old, new = (text.splitlines(keepends=True) for text in (fixed.before, fixed.after))
+    old, new = (text.splitlines(keepends=True) for text in fixed.changed)
     lines = difflib.unified_diff(old, new, str(before), str(after))
     return "".join(line if line.endswith("\n") else line + "\n\\ No newline at end of file\n" for line in lines)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.looking_once import CachedRows, Numbered
+from executive.locations.looking_once import once
 from executive.locations.questions import Question
 from executive.locations.rejections import NO_ROOM, NO_WAY, Rejections, first_body
 from planlang.geometry import Array
@@ -48,10 +48,10 @@ class BasePoses:
         free[free] = self.driven_to(bases[free])
         return free
 
-    def rooms(self, bases: Numbered) -> CachedRows[bool]:
-        """Check at which bases there is room for the base; results are cached for the question."""
+    def rooms(self, bases: Array) -> NDArray[np.bool_]:
+        """Check at which of bases (n, 3) there is room for the base, (n,); results are cached for the question."""
         floor = self.scene.collisions.floor()
-        return CachedRows(bases, self.question.known.rooms, lambda new: floor.holds(new).tolist())
+        return np.array(once(self.question.known.rooms, bases, lambda new: floor.holds(new).tolist()), bool)
 
     def have_way(self, bases: Array) -> NDArray[np.bool_]:
         """Check which of bases (n, 3) the base may reach, (n,); all, as long as none was rejected for that."""

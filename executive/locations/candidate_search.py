@@ -26,12 +26,13 @@ from executive.locations.hand_solutions import (
     base_matrices,
     solve,
 )
-from executive.locations.looking_once import CachedRows, as_keys, numbered
-from executive.locations.questions import BETWEEN, Findings, Question, SearchBudget
+from executive.locations.looking_once import as_keys, once
+from executive.locations.questions import BETWEEN, Question, SearchBudget
 from executive.locations.reachability import CELL
-from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, NOT_LOOKED_AT, NOT_VISIBLE, Reason, Rejections
+from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, NOT_LOOKED_AT, NOT_VISIBLE, Reason
 from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion
 from executive.motion import QuickCheck
+from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 from planlang.protocols import Solution
 from planlang.records import dataclass
@@ -51,28 +52,12 @@ class SearchSpec:
 
     validator: BaseValidator
     wanted: Sequence[Reach]
+    arms: Sequence[ArmModel]
     demand: BaseDemand
     budget: SearchBudget
     question: Question
     is_taken: Callable[[BasePose], bool] | None = None
     """Whether a base pose need not be examined any more."""
-    blind: BaseDemand | None = None
-    """The same demand without sight of the handled things; None if there are none to omit."""
-
-    @property
-    def log(self) -> Rejections:
-        """Rejected candidates, and why."""
-        return self.question.log
-
-    @property
-    def known(self) -> Findings:
-        """Earlier findings."""
-        return self.question.known
-
-    @property
-    def poses(self) -> BasePoses:
-        """Base poses of the scene, for this question."""
-        return BasePoses(self.validator.scene, self.question)
 
 
 class CandidateSearch:
@@ -88,24 +73,23 @@ class CandidateSearch:
         misses: Misses | None = None,
     ) -> None:
         """Prepare; ``middle`` (3,) is the targets' centre, ``stance`` checks arms at rest, ``misses`` visibility."""
-        self._spec, self._hands, self._misses = spec, hands, misses
-        budget = spec.budget
+        self._spec, self._hands, self._misses, self._stance = spec, hands, misses, stance
+        self._log, self._findings, budget = spec.question.log, spec.question.known, spec.budget
+        self._blind = spec.validator.blind(spec.demand)
+        """The same demand without sight of the handled things; None if there are none to omit."""
         x, y, _ = spec.validator.scene.base()
         order = candidates.order(
             lambda bases: np.exp(-np.hypot(bases[:, 0] - x, bases[:, 1] - y) / TRAVEL), budget.most
         )
         self._candidates = candidates.chosen(order)
         self._bases = as_reported(self._candidates.bases)
-        each = numbered(self._bases)
-        self._poses = spec.poses
-        self._rooms = self._poses.rooms(each)
-        self._stances = CachedRows(each, spec.known.stances, lambda new: stance.hit(base_matrices(new)))
+        self._poses = BasePoses(spec.validator.scene, spec.question)
         self._undecided = np.ones(len(self._candidates), bool)
         self._validated = self._tried_blind = 0
         self._occlusion = SelfOcclusion(middle[:2], strict=budget.fine)
         self._failed_poses = _FailedPoses()
         self._around = frozenset(spec.validator.scene.bodies.names())
-        self._stopped = spec.known.stopped
+        self._stopped = self._findings.stopped
         self._failures: dict[tuple[int, int], tuple[HandSolution, BasePose, Reason]] = {}
         """First solution whose hand collides, and with what, by arm and candidate."""
         self._hits: Counter[tuple[int, int]] = Counter()
@@ -123,11 +107,11 @@ class CandidateSearch:
         # far more than the one before. So each test sees only what the cheaper ones have left, and what an exact
         # failure teaches (a hand that is stopped wherever the base stands, a posture in self-collision) rules out
         # others before they are checked.
-        spec, log = self._spec, self._spec.log
+        spec, log = self._spec, self._log
         for row, solution, missed in self._open():
-            if self._validated >= spec.budget.exact or spec.known.allowance.checks <= 0:
+            if self._validated >= spec.budget.exact or self._findings.allowance.checks <= 0:
                 log.add(NOT_LOOKED_AT, int(self._undecided.sum()))
-                spec.known.untried = True
+                self._findings.untried = True
                 return
             self._undecided[row] = False
             if missed:
@@ -160,18 +144,18 @@ class CandidateSearch:
 
     def _wants_blind(self) -> bool:
         """Check whether a base pose that lacks only sight of the handled things is still wanted."""
-        return self._spec.blind is not None and self._spec.known.blind is None
+        return self._blind is not None and self._findings.blind is None
 
     def _keep_blind(self, row: int, solution: HandSolution) -> None:
         """Keep a candidate that only lacks sight of the handled things."""
-        spec, findings = self._spec, self._spec.known
-        if spec.blind is None or findings.blind is not None:
+        spec, findings = self._spec, self._findings
+        if self._blind is None or findings.blind is not None:
             return
         if self._tried_blind >= spec.budget.exact or findings.allowance.checks <= 0:
             findings.untried = True
             return
         self._tried_blind += 1
-        result = self._completed(row, solution, spec.blind, spec.question.uncounted())
+        result = self._completed(row, solution, self._blind, spec.question.uncounted())
         if isinstance(result, Solution):
             findings.blind = result
         else:
@@ -179,7 +163,7 @@ class CandidateSearch:
 
     def _note_failure(self, row: int, solution: HandSolution, answer: str | None) -> None:
         """Record an exact failure, and whether it applies to other bases as well."""
-        self._spec.known.allowance.checks -= 1
+        self._findings.allowance.checks -= 1
         number, candidate = self._key(row)
         if isinstance(answer, str):
             self._remember(np.array([row]))
@@ -204,7 +188,7 @@ class CandidateSearch:
                 self._undecided[row] = False
                 continue
             taken = spec.is_taken is not None and spec.is_taken(self._place(row))
-            if taken or self._are_hopeless(np.array([row]))[0] or not self._have_way(np.array([row]))[0]:
+            if taken or self._are_hopeless(np.array([row]))[0] or not self._poses.have_way(self._bases[[row]])[0]:
                 self._undecided[row] = False
                 continue
             base = self._bases[row]
@@ -223,23 +207,21 @@ class CandidateSearch:
 
         With each, whether it comes for the first time, and whether what has to be visible is surely hidden.
         """
-        undecided, known = self._undecided, self._spec.known
+        undecided, known = self._undecided, self._findings
         for rows in self._roomy_blocks():
             if known.allowance.solved <= 0:
-                self._spec.log.add(NOT_LOOKED_AT, int(undecided[rows[0] :].sum()))
+                self._log.add(NOT_LOOKED_AT, int(undecided[rows[0] :].sum()))
                 undecided[rows[0] :], known.untried = False, True
                 break
-            undecided[rows] = ~self._are_hopeless(rows)
-            rows = rows[undecided[rows]]
-            undecided[rows] = self._have_way(rows)
-            rows = rows[undecided[rows]]
+            rows = self._left(rows, ~self._are_hopeless(rows))
+            rows = self._left(rows, self._poses.have_way(self._bases[rows]))  # what is known of paths has grown
             if not self._wants_blind():  # nothing that is hidden is of use
-                undecided[rows] = ~self._are_hidden(rows)
-                rows = rows[undecided[rows]]
+                rows = self._left(rows, ~self._are_hidden(rows))
             known.allowance.solved -= len(rows)
-            undecided[rows], joints = self._solved(rows)
+            solved, joints = self._solved(rows)
+            left = self._left(rows, solved)
             self._remember(rows)
-            rows = rows[undecided[rows]]
+            rows = left
             missed = self._are_hidden(rows) if self._wants_blind() else np.zeros(len(rows), bool)
             for row, unseen in zip(rows.tolist(), missed.tolist(), strict=True):
                 number, candidate = self._key(row)
@@ -250,12 +232,17 @@ class CandidateSearch:
             for row, solution, unseen in postponed:
                 yield row, solution, False, unseen
 
+    def _left(self, rows: NDArray[np.intp], good: NDArray[np.bool_]) -> NDArray[np.intp]:
+        """Select the good ones of some candidates; the others are decided."""
+        self._undecided[rows] = good
+        return rows[good]
+
     def _are_hidden(self, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Check from which candidates the robot surely does not see what has to be visible; count them."""
         if self._misses is None or not len(rows):
             return np.zeros(len(rows), bool)
         missed = self._misses(self._bases[rows])
-        self._spec.log.refuse(NOT_VISIBLE, self._bases[rows[missed]])
+        self._log.refuse(NOT_VISIBLE, self._bases[rows[missed]])
         return missed
 
     def _roomy_blocks(self) -> Iterator[NDArray[np.intp]]:
@@ -263,35 +250,32 @@ class CandidateSearch:
         # Where there is room, the first blocks have an answer, and small ones find it soonest; where there is little,
         # most candidates are looked at, and large ones do that at the least cost. Doubling is within a factor of two of
         # either.
-        budget, log, undecided = self._spec.budget, self._spec.log, self._undecided
+        budget, log = self._spec.budget, self._log
         again = bool(self._spec.demand.remembered)  # repeats a search that required more to be visible
         waiting, first, size, block = np.zeros(0, np.intp), 0, budget.block, budget.block
         while first < len(self._candidates):
             rows = np.arange(first, min(first + size, len(self._candidates)))
             first, size = first + size, min(2 * size, AT_ONCE)
-            roomy = np.array(self._rooms(rows), bool)
+            roomy = self._poses.rooms(self._bases[rows])
             log.refuse(NO_ROOM, self._bases[rows[~roomy]])
-            undecided[rows] = roomy
-            rows = rows[roomy]
-            undecided[rows] = self._have_way(rows)
-            rows = rows[undecided[rows]]
+            rows = self._left(rows, roomy)
+            rows = self._left(rows, self._poses.have_way(self._bases[rows]))
             if again:
-                undecided[rows] = [key not in self._spec.known.met for key in self._known(rows)]
-                rows = rows[undecided[rows]]
-            undecided[rows] = self._arms_have_room(rows)
+                rows = self._left(rows, np.array([key not in self._findings.met for key in self._keys(rows)], bool))
+            left = self._left(rows, self._arms_have_room(rows))
             self._remember(rows)
-            waiting = np.append(waiting, rows[undecided[rows]])
+            waiting = np.append(waiting, left)
             while len(waiting) >= block or (len(waiting) and first >= len(self._candidates)):
                 yield waiting[:block]
                 waiting, block = waiting[block:], min(2 * block, AT_ONCE)
 
     def _arms_have_room(self, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Check at which candidates no arm, in its present posture, collides by its spheres; count the others."""
-        bodies = self._stances(rows)
+        bodies = once(self._findings.stances, self._bases[rows], lambda new: self._stance.hit(base_matrices(new)))
         for body, number in Counter(bodies).items():
             if body is not None:
-                self._spec.log.crowded(body, number)
-        self._spec.log.show(NO_ROOM, self._bases[rows[[body is not None for body in bodies]]])
+                self._log.crowded(body, number)
+        self._log.show(NO_ROOM, self._bases[rows[[body is not None for body in bodies]]])
         return np.array([body is None for body in bodies], bool)
 
     def _solved(self, rows: NDArray[np.intp]) -> tuple[NDArray[np.bool_], dict[int, Array]]:
@@ -310,17 +294,13 @@ class CandidateSearch:
                 forward = self._spec.validator.inverse(arm, CLASSES[grasp]).forward
                 seeds[grasps == grasp, 0] = forward.seeds(table.rows[same_class], table.torsos[same_class])
             slack = ON_LATTICE if arm.lift is not None and arm.lift.travel >= CELL else OFF_LATTICE
-            solved = solve(candidates, index, self._bases[chosen], arm, seeds, check, slack=slack)
-            self._spec.log.count_at(solved.reasons, self._bases[chosen])
-            ok[mine] = [reason is None for reason in solved.reasons]
-            joints |= zip(chosen.tolist(), solved.joints, strict=True)
+            solved, reasons = solve(candidates, index, self._bases[chosen], arm, seeds, check, slack=slack)
+            self._log.count(reasons, self._bases[chosen])
+            ok[mine] = [reason is None for reason in reasons]
+            joints |= zip(chosen.tolist(), solved, strict=True)
         return ok, joints
 
-    def _have_way(self, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Check which candidates the base can drive to; repeated, as knowledge of paths grows during the search."""
-        return self._poses.have_way(self._bases[rows])
-
-    def _known(self, rows: NDArray[np.intp]) -> list[bytes]:
+    def _keys(self, rows: NDArray[np.intp]) -> list[bytes]:
         """Keys by which candidates are recognised in a repeated search."""
         table = self._candidates
         numbers = np.full(len(rows), float(self._spec.budget.stage)), table.arms[rows], table.candidates[rows]
@@ -329,7 +309,7 @@ class CandidateSearch:
     def _remember(self, rows: NDArray[np.intp]) -> None:
         """Record those of some candidates that arms cannot perform."""
         if not self._spec.demand.remembered:
-            self._spec.known.met.update(self._known(rows[~self._undecided[rows]]))
+            self._findings.met.update(self._keys(rows[~self._undecided[rows]]))
 
     def _are_hopeless(self, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Check which candidates fail at any base pose, or with a posture; count them."""
@@ -340,7 +320,7 @@ class CandidateSearch:
         if self._self_colliding:
             postures = (self._self_colliding.get(self._posture(row)) for row in rows.tolist())
             reasons = [clumsy or reason for clumsy, reason in zip(postures, reasons, strict=True)]
-        self._spec.log.count_at(reasons, self._bases[rows])
+        self._log.count(reasons, self._bases[rows])
         return np.array([reason is not None for reason in reasons], bool)
 
     def _stops(self, key: tuple[int, int]) -> Reason | None:

@@ -201,7 +201,7 @@ def _percent(share: float) -> str:
 def _reach(grasp: GraspClass, found: ReachabilityMap) -> Reach:
     if not len(found):
         return Reach(grasp, 0, None, None)
-    rise = 0.0 if found.lift is None else float(found.lift.rise(found.lift.highest))
+    rise = 0.0 if found.arm.lift is None else float(found.arm.lift.rise(found.arm.lift.highest))
     low, high = CELL * int(found.rows["z"].min()), CELL * int(found.rows["z"].max()) + rise
     return Reach(grasp, len(found), round(max(low, 0.0), 2), round(high, 2))
 

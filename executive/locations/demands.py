@@ -6,13 +6,14 @@ tasks of a hand. Meaningless relations and contradictory conjunctions are reject
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import field, replace
+from itertools import permutations
+from typing import Any, ClassVar
 
 from executive.belief.planning_scene import PlanningScene, RobotArms
-from executive.locations.consistency import LocationMeaningless, check_consistent, contradictory, meaningless
 from planlang.designators import Action, Location, Object, Person, Relation, Situation, a_location, resting_on
-from planlang.failures import ObjectUnresolvable
+from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry.areas import Area, Clear, Facing, Region
 from planlang.records import dataclass
 from planlang.relations import RELATIONS, RelationType, meaningful
@@ -22,6 +23,56 @@ from planlang.relations.looking import SeenFrom
 from planlang.relations.reaching import InCenterOf, InReachOf
 
 ORDER = tuple(ReachKind)
+
+
+@dataclass(eq=False, repr=False)
+class LocationMeaningless(LocationUnresolvable):
+    """The description applies to no place: it is meaningless for the subject, or contradicts itself.
+
+    ``parts`` of the message are texts, relations, locations, and tuples of relation names.
+    """
+
+    parts: tuple[object, ...] = field(default=(), kw_only=True)
+
+    text: ClassVar[str] = "no place is described"
+
+    def describe(self) -> str:
+        """Render the message with relations and locations in Python syntax."""
+        return self.worded(str) if self.parts else super().describe()
+
+    def details(self) -> dict[str, Any]:
+        """List the typed fields without the parts, which make up the message."""
+        return {name: value for name, value in super().details().items() if name != "parts"}
+
+    def worded(self, words: Callable[[object], str]) -> str:
+        """Render the message; ``words`` renders a relation, a location or a relation's name."""
+        return "".join(
+            part if isinstance(part, str) else ", ".join(map(words, part)) if isinstance(part, tuple) else words(part)
+            for part in self.parts
+        )
+
+
+def meaningless(about: Relation | Location, *parts: object) -> LocationMeaningless:
+    """Create the failure of a meaningless relation or location, with its message in parts."""
+    return LocationMeaningless(designator=str(about), parts=parts)
+
+
+def contradictory(location: Location, *why: object) -> LocationMeaningless:
+    """Create the failure of a conjunction that nothing can satisfy, with the reason in parts."""
+    return meaningless(location, location, " contradicts itself: ", *why)
+
+
+def check_consistent(location: Location, subject: Subject) -> None:
+    """Raise LocationMeaningless if a relation is both required and excluded, or excludes another one."""
+    stated = set(location.relations)
+    for relation in location.relations:
+        if ~relation in stated:
+            required = ~relation if relation.negated else relation
+            raise contradictory(location, "it both requires and excludes ", required)
+    for first, second in permutations(location.relations, 2):
+        kind, other = RELATIONS[first.name], RELATIONS[second.name]
+        if not first.negated and (why := kind.excludes(first, second, other, subject)):
+            raise contradictory(location, *why)
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,52 +207,43 @@ def thing_demand(location: Location, thing: str, scene: PlanningScene, viewer: V
     check_consistent(location, "thing")
     bodies, viewer = scene.bodies, viewpoint(location, scene) or viewer
     radius, taken = max(bodies.size(thing)[:2]) / 2, bodies.is_held(thing)
-    rests: list[Rest] = []
-    areas: list[Region] = []
-    people: list[tuple[str, bool]] = []
-    neither: list[tuple[str, bool]] = []
-    supports: list[str] = []
+    rests, supports = list[Rest](), list[str]()
+    others: list[tuple[Rest | InZone | Region | None, bool]] = []
     for relation in filter(_limits, location.relations):
         term, kind = _bound(relation, "thing", scene, viewer), RELATIONS[relation.name]
         demand = kind.thing(term, bodies, radius)
         if thing in term.bodies and not (taken and not isinstance(demand, Rest | InZone)):
             raise meaningless(relation, relation, f" relates {thing} to itself: state its place by other things")
-        match demand:
-            case Rest() if not relation.negated:
-                rests.append(demand)
-            case Rest(body, inside):
-                neither.append((body, inside))
-            case InZone(person):
-                people.append((person, not relation.negated))
-            case region if region is not None:
-                areas.append(region)
-                supports.extend(kind.supports(term, bodies))
+        supports.extend(kind.supports(term, bodies))
+        if isinstance(demand, Rest) and not relation.negated:
+            rests.append(demand)
+        else:
+            others.append((demand, relation.negated))
     if len({rest.body for rest in rests}) > 1:
         named = " and ".join(dict.fromkeys(rest.body for rest in sorted(rests, key=lambda rest: rest.inside)))
         raise contradictory(location, f"a thing can rest in one place only, not in {named}")
     on, into = ([rest.body for rest in rests if rest.inside is inner] for inner in (False, True))
-    if not on and not into and not people:  # a thing beside a body rests on that body's support
+    demanded = _besides(others)
+    if not on and not into and not demanded.people:  # a thing beside a body rests on that body's support
         on = supports
-    where = on[0] if on else None, into[0] if into else None
-    return ThingDemand(*where, tuple(areas), tuple(people), tuple(neither))
+    return replace(demanded, on=on[0] if on else None, inside=into[0] if into else None)
 
 
 def put_demand(reach: Reach, thing: str, scene: PlanningScene) -> ThingDemand:
     """Derive the demands of PLACE on the held object, given by name."""
     radius = max(scene.bodies.size(thing)[:2]) / 2
-    areas: list[Region] = []
-    people: list[tuple[str, bool]] = []
-    neither: list[tuple[str, bool]] = []
-    for term in reach.also:
-        match RELATIONS[term.name].thing(term, scene.bodies, radius):
-            case InZone(person):
-                people.append((person, not term.negated))
-            case Rest(body, inside):
-                neither.append((body, inside))
-            case area if area is not None:
-                areas.append(area)
-    on, into = (None, reach.body) if reach.inside else (reach.body, None)
-    return ThingDemand(on, into, tuple(areas), tuple(people), tuple(neither))
+    besides = _besides((RELATIONS[term.name].thing(term, scene.bodies, radius), term.negated) for term in reach.also)
+    return replace(besides, inside=reach.body) if reach.inside else replace(besides, on=reach.body)
+
+
+def _besides(demands: Iterable[tuple[Rest | InZone | Region | None, bool]]) -> ThingDemand:
+    """Collect demands on an object, each with its negation, besides where it rests."""
+    each = list(demands)
+    return ThingDemand(
+        areas=tuple(one for one, _ in each if one is not None and not isinstance(one, Rest | InZone)),
+        people=tuple((one.person, not negated) for one, negated in each if isinstance(one, InZone)),
+        neither=tuple((one.body, one.inside) for one, _ in each if isinstance(one, Rest)),
+    )
 
 
 def sides(demand: BaseDemand | ThingDemand, scene: PlanningScene) -> dict[str, str]:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
 
-from executive.belief.floor import Floor
+from executive.belief.floor import CELL as FLOOR_CELL
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.changes import MOST_TRIED, Changes, IsFeasible, with_supports
+from executive.locations.changes import Changes, IsFeasible, with_supports
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
-from executive.locations.hand_predicates import Stage, candidates_of, narrowest, narrowest_grip
+from executive.locations.hand_predicates import Stage, candidates_of, narrowest, narrowest_grip, unknown_fit
 from executive.locations.inverse_maps import InverseMaps
 from executive.locations.questions import Question
 from executive.locations.reachability import CELL, GraspClass
@@ -28,10 +27,8 @@ from executive.locations.rejections import (
     OUT_OF_REACH,
     Rejections,
 )
-from executive.locations.standing import AROUND, floor_near
-from executive.motion import clearance_at
 from executive.robots.arms import ArmModel, called
-from executive.robots.openings import REMEDY
+from planlang.geometry import Array
 from planlang.records import dataclass
 from planlang.relations.demands import Reach, ReachKind
 
@@ -44,10 +41,10 @@ BASES = frozenset({NO_ROOM, NO_WAY, NOT_VISIBLE})
 BETWEEN_FINGERS = 0.003
 """Room that open fingers need beyond the width of a thing [m]."""
 APPROACHES = {GraspClass.SIDE: "from the side", GraspClass.TILTED: "at a slant", GraspClass.TOP: "from above"}
+AROUND = 2.5
+"""Distance from a thing within which to look for floor for the base [m]."""
 NEARER = "; its base is fixed: move that nearer, or start the robot nearer to it"
 """What helps a robot that does not drive."""
-BESIDE = 1.0
-"""Distance from a thing beyond which a body cannot be what leaves a hand no room [m]."""
 
 
 def explain_bases(
@@ -77,25 +74,14 @@ def explain_bases(
         NO_WAY: explanation.no_way,
     }
     measured = makers[reason]() if reason in makers else ""
-    sentences = [measured]
+    helping = ""
     # what closes the way is named already, and nothing that is done to the thing opens it
-    is_closed = reason == NO_WAY and explanation.closing is not None
-    changes = None
-    if is_feasible is not None and not is_closed:
-        changes = Changes(wanted[0].body, scene, log, is_feasible, needed=needed)
-    if changes is not None and (helping := changes.helping()):
-        sentences.append(helping)
-    elif excluded := explanation.excluded():
-        sentences = [excluded]
-    else:
-        slips = log.counts[NO_HOLD.text] or (changes is not None and changes.meanwhile.counts[NO_HOLD.text])
-        if slips and (slippery := explanation.no_hold()):
-            sentences = [slippery]
-        else:
-            blocked = explanation.hands_blocked() if reason == NO_ROOM else ""
-            sentences = [blocked, measured, explanation.nearer(), "" if changes is None else changes.in_vain()]
-    if any(sentences):
-        log.figures[reason] = "; ".join(filter(None, sentences))
+    if is_feasible is not None and not (reason == NO_WAY and explanation.closing is not None):
+        helping = Changes(wanted[0].body, scene, log, is_feasible, needed=needed).helping()
+    if not helping and (instead := explanation.excluded() or explanation.no_hold()):
+        measured = instead
+    if measured or helping:
+        log.figures[reason] = "; ".join(filter(None, (measured, helping)))
 
 
 def explain_hands(reach: Reach, arm: ArmModel, scene: PlanningScene, inverse: InverseMaps, log: Rejections) -> None:
@@ -123,16 +109,6 @@ class _Limit:
         if self.wanted[0] > self.reached[1]:
             return self.wanted[0] - self.reached[1]
         return min(self.wanted[1] - self.reached[0], 0.0)
-
-
-def _rise(arm: ArmModel) -> float:
-    """Greatest height by which a torso lifts an arm [m]."""
-    return 0.0 if arm.lift is None else float(arm.lift.rise(arm.lift.highest))
-
-
-def _half(arm: ArmModel) -> float:
-    """Share of a map's cell that an arm reaches beyond it: a torso covers the heights between cells."""
-    return 0.5 if arm.lift is None else 0.0
 
 
 class _Explanation:
@@ -192,7 +168,7 @@ class _Explanation:
         farthest = max(self.limits, key=lambda one: one.reach, default=None)
         places = [np.array([self.scene.bodies.pose(self.reach.body).position])]
         if self.reach.kind is not ReachKind.GRASP:
-            places = [table.points for _, tables in self._tables() for table in tables]
+            places = [table.points for _, table in self._tables()]
         away = min((float(np.hypot(*(at[:, :2] - base[:2]).T).min()) for at in places if len(at)), default=0.0)
         if farthest is None or away <= farthest.reach:
             return ""
@@ -205,48 +181,33 @@ class _Explanation:
         kind, body = self.reach.kind, self.reach.body
         return body if kind is ReachKind.GRASP else f"the place for the hand at {body}"
 
-    def _tables(self) -> Iterator[tuple[ArmModel, Sequence[GraspCandidates]]]:
+    def _tables(self) -> Iterator[tuple[ArmModel, GraspCandidates]]:
         """Yield grasp candidates of arms: those with a collision-free hand, or all if there are none."""
         by_stage = self.known.hands
         free = [hand for hand in by_stage[max(by_stage)].hands if len(hand.candidates)] if by_stage else []
-        for hand in free:
-            yield hand.arm, [hand.candidates]
+        yield from ((hand.arm, hand.candidates) for hand in free)
         for arm in () if free else self.arms:
-            yield arm, candidates_of(self.reach, arm, self.scene, Rejections(), Stage.ALL)
+            yield from ((arm, table) for table in candidates_of(self.reach, arm, self.scene, Rejections(), Stage.ALL))
 
     @cached_property
     def limits(self) -> list[_Limit]:
         """Heights of candidates and heights within reach, by arm and approach."""
-        return list(self._limits())
+        each = ((arm, table, number) for arm, table in self._tables() for number in sorted(set(table.grasps.tolist())))
+        heights = ((arm, CLASSES[number], table.points[table.grasps == number, 2]) for arm, table, number in each)
+        return [self._limit(*one) for one in heights if len(self.inverse(*one[:2]).forward)]
 
-    def _limits(self) -> Iterator[_Limit]:
-        for arm, tables in self._tables():
-            for table in tables:
-                for number in sorted(set(table.grasps.tolist())):
-                    heights = table.points[table.grasps == number, 2]
-                    wanted = float(heights.min()), float(heights.max())
-                    if (reached := self._heights_of(arm, CLASSES[number])) is not None:
-                        yield _Limit(
-                            arm.name, CLASSES[number], wanted, reached, self._away(arm, CLASSES[number], wanted)
-                        )
-
-    def _heights_of(self, arm: ArmModel, grasp: GraspClass) -> tuple[float, float] | None:
-        """Range of heights that an arm reaches with a class of grasps [m]; None if it reaches none."""
-        forward = self.inverse(arm, grasp).forward
-        if not len(forward):
-            return None
-        levels, half, rise = forward.rows["z"], _half(arm), _rise(arm)
-        return CELL * (float(levels.min()) - half), CELL * (float(levels.max()) + half) + rise
-
-    def _away(self, arm: ArmModel, grasp: GraspClass, heights: tuple[float, float]) -> float:
-        """Greatest distance from the base that an arm reaches between two heights [m]."""
-        rows, half = self.inverse(arm, grasp).forward.rows, _half(arm)
-        at = (rows["z"] >= (heights[0] - _rise(arm)) / CELL - half) & (rows["z"] <= heights[1] / CELL + half)
-        distances = CELL * np.hypot(rows["x"][at], rows["y"][at], dtype=np.float64)
-        return float(distances.max(initial=0.0))
+    def _limit(self, arm: ArmModel, grasp: GraspClass, heights: Array) -> _Limit:
+        """Compare heights (n,) of candidates with those that an arm reaches with a class of grasps."""
+        rows, low, high = self.inverse(arm, grasp).forward.rows, float(heights.min()), float(heights.max())
+        # a torso covers the heights between the cells of the map; without one the arm reaches beyond them
+        half, rise = (0.5, 0.0) if arm.lift is None else (0.0, float(arm.lift.rise(arm.lift.highest)))
+        reached = CELL * (float(rows["z"].min()) - half), CELL * (float(rows["z"].max()) + half) + rise
+        at = (rows["z"] >= (low - rise) / CELL - half) & (rows["z"] <= high / CELL + half)
+        away = CELL * np.hypot(rows["x"][at], rows["y"][at], dtype=np.float64)
+        return _Limit(arm.name, grasp, (low, high), reached, float(away.max(initial=0.0)))
 
     def _too_far(self) -> str:
-        gap = self._gap(self.scene.collisions.floor())
+        gap = self._gap()
         farthest = max(self.limits, key=lambda one: one.reach, default=None)
         if farthest is None or gap <= farthest.reach:
             return ""
@@ -258,14 +219,16 @@ class _Explanation:
             return f"the robot has no room to stand within {AROUND:g} m of {self.reach.body}"
         return f"the robot cannot get its centre closer than {gap:.2f} m to the centre of {self.reach.body}"
 
-    def _gap(self, floor: Floor) -> float:
+    def _gap(self) -> float:
         """Distance of the thing from the nearest place with room for the base, inf if there is none [m]."""
-        block = self.scene.bodies.block(self.reach.body)
-        return float(np.hypot(*(floor_near(block, floor) - block.centre[:2]).T).min(initial=np.inf))
+        floor, block = self.scene.collisions.floor(), self.scene.bodies.block(self.reach.body)
+        steps = np.arange(-AROUND, AROUND, FLOOR_CELL)
+        points = np.stack(np.meshgrid(block.x + steps, block.y + steps), axis=-1).reshape(-1, 2)
+        return float(np.hypot(*(points[floor.fits(points)] - block.centre[:2]).T).min(initial=np.inf))
 
     def no_hold(self) -> str:
-        """Compare the width of the thing with the opening of the hands."""
-        if self.reach.kind is not ReachKind.GRASP:
+        """Compare the width of the thing with the opening of the hands, if some of them do not hold it."""
+        if self.reach.kind is not ReachKind.GRASP or not self.log.counts[NO_HOLD.text]:
             return ""
         part, grip = narrowest_grip(self.reach.body, self.scene.bodies.grips(self.reach.body))
         wide = narrowest(grip)
@@ -274,10 +237,7 @@ class _Explanation:
             (one for one in self.arms if one.bare and one.max_opening > wide > opening - BETWEEN_FINGERS), None
         )
         if unknown is not None:
-            return (
-                f"{part} is {wide:.3f} m wide; whether that fits into the hand of {called(unknown.name)} is not known, "
-                f"as {unknown.bare}: {REMEDY}"
-            )
+            return unknown_fit(part, wide, unknown)
         if wide < opening - BETWEEN_FINGERS:
             return ""
         return (
@@ -286,7 +246,7 @@ class _Explanation:
         )
 
     def in_collision(self) -> str:
-        """Name the body that a hand or arm would collide with, and its distance from the thing."""
+        """Name the body that a hand or arm would collide with most often."""
         if not self.log.blocking:
             return ""
         body, number = next(iter(self.log.ordered_blocking().items()))
@@ -297,96 +257,13 @@ class _Explanation:
             obstacle = f"a wall of {body}"
         total = sum(self.log.counts.values())
         share = f"all {total}" if number == total else f"{number} of {total}"
-        sentence = f"in {share} ways to reach {self.reach.body} the robot would hit {obstacle}"
-        if self.reach.kind is ReachKind.PLACE and self.reach.inside and (beyond := self._from_the_side()):
-            return f"{sentence}; {beyond}"
-        gap = self._beside(body)
-        return sentence if gap is None else f"{sentence}, {gap:.2f} m away from it"
-
-    def hands_blocked(self) -> str:
-        """Name the body that most collisions are with, and the link of the hand; "" if nothing collides."""
-        collisions, by_body = self.log.counts[COLLISION], self.log.ordered_blocking()
-        body, number = next(((one, k) for one, k in by_body.items() if k <= collisions), ("", 0))
-        if not body:
-            return ""
-        itself = f"{body} itself" if body == self.reach.body else body
-        if body not in self.scene.bodies.names():
-            return f"the robot would touch its own {body} in {number} of the {collisions} places in collision"
-        link = self._link_touching(body)
-        who = f"the hand ({link})" if link else "the hand or the arm"
-        return f"{who} would touch {itself} in {number} of the {collisions} places in collision"
-
-    def _link_touching(self, body: str) -> str:
-        """Find the link that most often touches a body when the hand is at the grasp candidates; "" if none does."""
-        touching = Counter[str]()
-        for arm in self.arms:
-            for table in candidates_of(self.reach, arm, self.scene, Rejections(), Stage.ALL):
-                tips = table.poses(np.arange(len(table))).reshape(-1, 4, 4)
-                check = self.scene.collisions.arm_check(arm, table.touches, table.fingers)
-                touching.update(check.hand_parts(tips, body))
-        return min(touching, key=lambda link: (-touching[link], link), default="")
-
-    def _from_the_side(self) -> str:
-        """Describe the heights at which arms put something into furniture from the side, if these decide."""
-        block = self.scene.bodies.block(self.reach.body)
-        spans = [(span, arm.name) for arm in self.arms if (span := self._heights_of(arm, GraspClass.SIDE)) is not None]
-        if not spans:
-            return ""
-        (low, _), lowest = min(spans)
-        high, highest = max((span[1], name) for span, name in spans)
-        if block.high < low:
-            return (
-                f"{self.reach.body} ends at {block.high:.2f} m, and {called(lowest)} reaches from the side "
-                f"down to {low:.2f} m"
-            )
-        if block.low > high:
-            return (
-                f"{self.reach.body} begins at {block.low:.2f} m, and {called(highest)} reaches from the side "
-                f"up to {high:.2f} m"
-            )
-        return ""
-
-    def _beside(self, body: str) -> float | None:
-        """Horizontal distance between a body and the thing at the thing's height; None if that is large."""
-        boxes, names = self.scene.collisions.boxes_but(())
-        rows = np.flatnonzero([name == body for name in names])
-        fixed = {self.reach.body, self.scene.bodies.support(self.reach.body), *self._furniture()}
-        if not len(rows) or body in fixed:
-            return None
-        block = self.scene.bodies.block(self.reach.body)
-        over = ((block.low + 1e-3, block.high + 0.1, 0.0),)
-        gap = float(clearance_at([[block.x, block.y]], boxes.only(rows), over)[0]) - max(block.half_x, block.half_y)
-        return gap if LEAST < gap < BESIDE else None
-
-    def _furniture(self) -> set[str]:
-        """Parts of the furniture that contains the thing: between these nothing can be moved away."""
-        joints, body = self.scene.belief.joints.values(), self.reach.body
-        holders = {one.holder for one in joints if not {body, self.scene.bodies.support(body)}.isdisjoint(one.bodies)}
-        return {name for one in joints if one.holder in holders for name in (*one.bodies, one.holder or "")}
+        return f"in {share} ways to reach {self.reach.body} the robot would hit {obstacle}"
 
     def no_room(self) -> str:
         """Describe how near the base gets."""
         if self.reach.kind is ReachKind.OFFER:
             return ""
-        return self._nearest(self._gap(self.scene.collisions.floor()))
-
-    def nearer(self) -> str:
-        """Name the body without which the base would get nearer, and how near; "" if there is none."""
-        if self.reach.kind is ReachKind.OFFER or NO_ROOM not in self.log.counts:
-            return ""
-        now = self._gap(self.scene.collisions.floor())
-        better = [(gap, body) for body, gap in self._without() if gap < now - CELL]
-        return f"without {min(better)[1]} it would get to {min(better)[0]:.2f} m" if better else ""
-
-    def _without(self) -> Iterator[tuple[str, float]]:
-        fixed = self._fixed()
-        for body in [one for one in self.log.ordered_blocking() if one not in fixed][:MOST_TRIED]:
-            yield body, self._gap(self.scene.collisions.floor_without(body))
-
-    def _fixed(self) -> set[str]:
-        """Collect the bodies that nobody can leave out: rooms, what the hand goes to, and what the task needs."""
-        bodies = self.scene.bodies
-        return {*with_supports({self.reach.body, *self._needed}, bodies), *filter(bodies.is_room, bodies.names())}
+        return self._nearest(self._gap())
 
     def excluded(self) -> str:
         """Return that a relation of the location leaves none of the candidates; "" if others left some out, too."""
@@ -406,8 +283,7 @@ class _Explanation:
         """Body without which the base could drive to where arms reach the thing; None if there is none."""
         block = self.scene.bodies.block(self.reach.body)
         place = np.array([block.x, block.y])
-        return self.scene.collisions.closes_way(place, self.inverse_reach(), self._fixed())
-
-    def inverse_reach(self) -> float:
-        """Greatest distance from the centre of the base that any of the arms reaches [m]."""
-        return max(self.inverse(arm, grasp).reach for arm in self.arms for grasp in CLASSES)
+        bodies, within = self.scene.bodies, max(self.inverse(arm, one).reach for arm in self.arms for one in CLASSES)
+        # nobody can leave out rooms, what the hand goes to, and what the task needs
+        fixed = {*with_supports({self.reach.body, *self._needed}, bodies), *filter(bodies.is_room, bodies.names())}
+        return self.scene.collisions.closes_way(place, within, fixed)

@@ -22,8 +22,8 @@ from executive.locations.base_poses import MOST_CROWDED, BasePoses
 from executive.locations.candidate_search import TRAVEL
 from executive.locations.demands import BaseDemand
 from executive.locations.questions import Question
-from executive.locations.rejections import NO_ROOM, NOT_VISIBLE
-from executive.locations.validation import PLACES, BaseValidator, scored, unmet
+from executive.locations.rejections import NO_ROOM, NOT_VISIBLE, unmet
+from executive.locations.validation import PLACES, BaseValidator
 from planlang.geometry import Array
 from planlang.geometry.areas import FACING, HAIR, Block, Clear, Facing
 from planlang.protocols import Solution
@@ -70,8 +70,8 @@ class FloorSearch:
         bases, room, squares = samples
         score = np.ones(len(bases))
         for term in demand.areas:
-            score = score * scored(term, bases)
-            log.refuse(unmet(term), bases[scored(term, bases) <= 0])
+            score = score * term.score(bases)
+            log.refuse(unmet(term), bases[term.score(bases) <= 0])
         for name in demand.seen:
             score = score * sight_score(bases, scene.bodies.block(name), scene.visibility.camera_range())
         roomy = room > 0
@@ -208,7 +208,7 @@ class FloorSamples:
         bases = np.column_stack([np.repeat(points, headings.shape[1], axis=0), headings.ravel()])
         rows = np.repeat(np.arange(len(points)), headings.shape[1])
         for term in self.demand.areas:
-            good = scored(term, bases) > 0
+            good = term.score(bases) > 0
             bases, rows = bases[good], rows[good]
         room = self.floor.at(points).round(9)[rows]
         if len(room) and room.max() <= 0:

@@ -350,8 +350,7 @@ def _count_no_grip(reach: Reach, grips: Sequence[Block], arm: ArmModel, rejectio
     if wide > arm.max_opening:
         reason, figures = "too wide for the gripper", f"{part} is {wide:.3f} m wide, {opening}"
     elif arm.bare:
-        reason, known = "hand without shapes", f"whether that fits into the hand of {called(arm.name)} is not known"
-        figures = f"{part} is {wide:.3f} m wide; {known}, as {arm.bare}: {REMEDY}"
+        reason, figures = "hand without shapes", unknown_fit(part, wide, arm)
     elif arm.covering is not None:
         reason = "no room between the fingers"
         figures = (
@@ -367,6 +366,12 @@ def _count_no_grip(reach: Reach, grips: Sequence[Block], arm: ArmModel, rejectio
         )
     rejections.add(reason)
     rejections.figures[reason] = figures
+
+
+def unknown_fit(part: str, wide: float, arm: ArmModel) -> str:
+    """State that nobody knows whether a part of a width [m] fits into a hand, which lacks shapes."""
+    known = f"whether that fits into the hand of {called(arm.name)} is not known"
+    return f"{part} is {wide:.3f} m wide; {known}, as {arm.bare}: {REMEDY}"
 
 
 def narrowest_grip(body: str, grips: Sequence[Block]) -> tuple[str, Block]:

@@ -31,18 +31,8 @@ from planlang.relations.demands import Reach, ReachKind
 
 FARTHEST = 1.2
 """Largest move of a joint between consecutive poses of a candidate [rad, m]."""
-BETWEEN = 1
-"""Intermediate hand poses tested on the straight line between consecutive poses of a candidate."""
 ON_LATTICE, OFF_LATTICE = 0.004, 0.039
 """Extra penetration of spheres that counts as collision, for map postures at the height of the target, or not [m]."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Solved:
-    """Joint values (m, k, d) of m candidates from m bases; the reason is None for possible ones."""
-
-    joints: Array
-    reasons: list[Reason | None]
 
 
 def base_matrices(bases: Array) -> Array:
@@ -107,8 +97,9 @@ class HandHits:
 
 def _hand_collisions(candidates: GraspCandidates, check: QuickCheck, hits: HandHits) -> list[str | None]:
     """Find for each candidate what its hand collides with, or None."""
-    poses = _with_between(candidates.poses(np.arange(len(candidates))))
-    return _hits(hits(check, poses), len(candidates))
+    poses = candidates.poses(np.arange(len(candidates)))
+    halfway = 0.5 * poses[:, :-1] + 0.5 * poses[:, 1:]  # the hand goes straight, with one rotation
+    return _hits(hits(check, np.concatenate([poses, halfway], axis=1)), len(candidates))
 
 
 def _is_free(candidates: GraspCandidates, check: QuickCheck, hits: HandHits) -> NDArray[np.bool_]:
@@ -117,13 +108,6 @@ def _is_free(candidates: GraspCandidates, check: QuickCheck, hits: HandHits) -> 
     free = np.array([body is None for body in hits(check, key)], bool)
     free[free] = [body is None for body in _hand_collisions(candidates.chosen(free), check, hits)]
     return free
-
-
-def _with_between(poses: Array) -> Array:
-    """Append the intermediate poses to series of poses (n, k, 4, 4) of one rotation."""
-    shares = np.linspace(0.0, 1.0, BETWEEN + 2)[1:-1].tolist()
-    interpolated = [(1.0 - share) * poses[:, :-1] + share * poses[:, 1:] for share in shares]
-    return np.concatenate([poses, *interpolated], axis=1)
 
 
 def solve(
@@ -135,8 +119,10 @@ def solve(
     check: QuickCheck,
     *,
     slack: float | None = None,
-) -> Solved:
+) -> tuple[Array, list[Reason | None]]:
     """Solve candidates (m,) from bases (m, 3), with seeds (m, s, d), and rule out collisions by spheres.
+
+    Returns joint values (m, k, d), and why those of each candidate are not possible; None if they are.
 
     With ``slack``, the first seeds are within that distance [m] of solutions: if they penetrate something by that much
     more than solutions may, the candidate is not solved.
@@ -169,7 +155,7 @@ def solve(
         alive = without_reason(alive, (None if good else OUT_OF_REACH for good in np.asarray(whole).tolist()))
     postures = joints[alive][:, [candidates.key, *others]]
     without_reason(alive, _in_the_way(_blocked(postures, bases[alive], check)))
-    return Solved(joints, reasons)
+    return joints, reasons
 
 
 def _blocked(q: Array, bases: Array, check: QuickCheck, deeper: float = 0.0) -> list[str | None]:
@@ -336,9 +322,31 @@ def from_base(
     Map postures serve as seeds; candidates outside the maps are tried last, from the seeds ``beyond`` (n, d), if any.
     ``seed`` (d,) is tried first, so that solutions near it are preferred.
     """
+    base_row = np.array(base)
     points = np.concatenate([np.array([[*base[:2], 0.0]]), *(table.points for table in tables)])
     for _, candidates, check in unblocked(arm, tables, scene, rejections, scene.collisions.near(arm, points)):
-        yield from _from_base(reach, base, arm, candidates, check, scene, inverse, rejections, seed=seed, beyond=beyond)
+        passes = _passes(base_row, arm, candidates, inverse, seed, beyond)
+        tried = {number for chosen, _ in passes for number in chosen.tolist()}
+        rejections.add(OUT_OF_REACH.text, len(candidates) - len(tried))
+        parts = [(chosen[part], seeds[part]) for chosen, seeds in passes for part in blocks(len(chosen), CHUNK)]
+        done, counted = set[int](), set[int]()
+        for part, seeds in parts:
+            left = np.array([number not in done for number in part.tolist()], bool)
+            mine, bases = part[left], np.repeat(base_row[None], left.sum(), 0)
+            solved = solve(candidates, mine, bases, arm, seeds[left], check)
+            for number, joints, reason in zip(mine.tolist(), *solved, strict=True):
+                if number in done:
+                    continue
+                if reason is None:
+                    solution = HandSolution(reach, arm, candidates.plan(number), joints)
+                    reason = Trial(solution, base, scene, check).stopped()
+                    if reason is None:
+                        done.add(number)
+                        yield solution
+                        continue
+                if number not in counted:
+                    counted.add(number)
+                    rejections.count([reason])
 
 
 def _passes(
@@ -368,44 +376,6 @@ def _passes(
         rest = rest[within_reach(candidates, rest, placed, arm)]
         passes.append((rest, np.broadcast_to(own_seeds, (len(rest), *own_seeds.shape))))
     return passes
-
-
-def _from_base(
-    reach: Reach,
-    base: BasePose,
-    arm: ArmModel,
-    candidates: GraspCandidates,
-    check: QuickCheck,
-    scene: PlanningScene,
-    inverse: InverseMaps,
-    rejections: Rejections,
-    *,
-    seed: Array | None,
-    beyond: Array | None,
-) -> Iterator[HandSolution]:
-    base_row = np.array(base)
-    passes = _passes(base_row, arm, candidates, inverse, seed, beyond)
-    tried = np.concatenate([chosen for chosen, _ in passes]) if passes else np.zeros(0, np.intp)
-    rejections.add(OUT_OF_REACH.text, len(candidates) - len(np.unique(tried)))
-    done, counted = set[int](), set[int]()
-    for chosen, seeds in passes:
-        for part in blocks(len(chosen), CHUNK):
-            rows = [row for row in range(part.start, part.stop) if int(chosen[row]) not in done]
-            mine = chosen[rows]
-            solved = solve(candidates, mine, np.repeat(base_row[None], len(mine), 0), arm, seeds[rows], check)
-            for number, joints, reason in zip(mine.tolist(), solved.joints, solved.reasons, strict=True):
-                if number in done:
-                    continue
-                if reason is None:
-                    solution = HandSolution(reach, arm, candidates.plan(number), joints)
-                    reason = Trial(solution, base, scene, check).stopped()
-                    if reason is None:
-                        done.add(number)
-                        yield solution
-                        continue
-                if number not in counted:
-                    counted.add(number)
-                    rejections.count([reason])
 
 
 def _looked_up(

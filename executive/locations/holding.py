@@ -11,15 +11,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from enum import StrEnum
 from functools import cache, partial
-from itertools import combinations, pairwise
-from operator import itemgetter
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from executive.belief.belief import Belief
 from executive.belief.planning_scene import PlanningScene
-from executive.belief.scene_collisions import OPPOSED
+from executive.belief.scene_collisions import OPPOSED, opposed
 from executive.locations.hand_predicates import Stage, candidates_of
 from executive.locations.hand_solutions import HandHits, HandSolution, Trial, unblocked
 from executive.locations.rejections import Rejections
@@ -345,11 +344,8 @@ def _sides(touches: Sequence[Touch], least: float) -> tuple[list[Touch], list[To
 
     ``least`` is the largest cosine between opposite normals.
     """
-    pairs = [(float(np.dot(a.normal, b.normal)), a, b) for a, b in combinations(touches, 2) if a.link != b.link]
-    cosine, one, other = min(pairs, key=itemgetter(0), default=(1.0, None, None))
-    if one is None or other is None or cosine > least:
-        return None
-    return _alike(one, touches), _alike(other, touches)
+    pair = opposed(touches, least)
+    return None if pair is None else (_alike(pair[0], touches), _alike(pair[1], touches))
 
 
 def _alike(one: Touch, touches: Sequence[Touch]) -> list[Touch]:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -129,10 +128,8 @@ class InverseMap:
             return self._levels[level, offset, roll]
         forward = self.forward
         flipped = forward.grasp is GraspClass.TOP and roll == -1
-        number = level - forward.lowest_level
-        inside = 0 <= number < len(forward.starts) - 1
-        first, last = forward.starts[number : number + 2].tolist() if inside else (0, 0)
-        rows = forward.rows[first:last]
+        those = forward.level(level)
+        first, rows = those.start, forward.rows[those.start : those.stop]
         index = np.flatnonzero(rows["roll"] == (1 if flipped else roll))
         if forward.raised:
             index = index[forward.offsets[first + index] == offset]
@@ -162,15 +159,7 @@ class InverseMap:
 
 
 _prepared: dict[tuple[object, ...], InverseMap] = {}
-
-
-def inverse_map(facts: tuple[object, ...], prepare: Callable[[], InverseMap]) -> InverseMap:
-    """Get a prepared map, shared in the process by all arms with the same ``facts``."""
-    if facts not in _prepared:
-        while len(_prepared) >= MOST_MAPS:
-            del _prepared[next(iter(_prepared))]
-        _prepared[facts] = prepare()
-    return _prepared[facts]
+"""Maps that all arms of the process with the same kinematics share."""
 
 
 class InverseMaps:
@@ -186,7 +175,11 @@ class InverseMaps:
         key = (arm.name, grasp)
         if key not in self._known:
             facts = (arm.solver.chain.digest, arm.lift, arm.frame, arm.seeds.tobytes(), grasp)
-            self._known[key] = inverse_map(facts, partial(self._prepare, arm, grasp))
+            if facts not in _prepared:
+                while len(_prepared) >= MOST_MAPS:
+                    del _prepared[next(iter(_prepared))]
+                _prepared[facts] = self._prepare(arm, grasp)
+            self._known[key] = _prepared[facts]
         return self._known[key]
 
     def _prepare(self, arm: ArmModel, grasp: GraspClass) -> InverseMap:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.demands import ThingDemand
-from executive.locations.rejections import Rejections
+from executive.locations.rejections import Rejections, unmet
 from executive.motion import clearance_at
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Block, Region
@@ -92,7 +92,7 @@ class Placement:
         areas = [area.of_thing(upright) for area in demand.areas]
         for area in areas:
             in_area = area.score(centres[:, :2]) > 0
-            log.refuse(_unmet(area), centres[~in_area])
+            log.refuse(unmet(area), centres[~in_area])
             centres = centres[in_area]
         for person, inside in demand.people:
             zone = bodies.zone(person)
@@ -217,7 +217,7 @@ class Placement:
         local = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
         for area in (one.of_thing(upright) for one in demand.areas):
             near = area.nearly(block.to_map(local), spacing)
-            log.refuse(_unmet(area), block.to_map(local[~near]))
+            log.refuse(unmet(area), block.to_map(local[~near]))
             local = local[near]
         if demand.areas and len(local):
             count = min(math.isqrt(max(MOST_PLACES // len(local), 1)), math.ceil(spacing / FINE_SPACING))
@@ -258,11 +258,6 @@ class Placement:
         """Band that the object occupies with its centre at a height, from just above its support."""
         half = self._size[2] / 2
         return z - half - ABOVE_SURFACE + FLAT, z + half, radius
-
-
-def _unmet(area: Region) -> str:
-    """Reason for rejecting places outside an area."""
-    return f"not {area.words}".replace("not not ", "")
 
 
 def _points_at(block: Block, area: Region) -> bool:

@@ -40,7 +40,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from executive.motion import Chain, InverseKinematics
-from executive.robots.arms import ArmModel, HandFrame, Lift
+from executive.robots.arms import ArmModel, HandFrame
 from planlang.geometry import Array
 from planlang.records import dataclass
 
@@ -124,28 +124,28 @@ class ReachabilityMap:
 
     def tiers(self, z: float) -> tuple[tuple[float, int, int], ...]:
         """List torso positions as in :meth:`heights`, each with level and offset of the rows: see :attr:`offsets`."""
-        if self.lift is None:
-            level = self._nearest(z)
-            return ((0.0, level, 0),) if len(self._level(level)) else ()
-        most = float(self.lift.rise(self.lift.highest))
+        if self.arm.lift is None:
+            level = round(z / CELL)
+            return ((0.0, level, 0),) if len(self.level(level)) else ()
+        most = float(self.arm.lift.rise(self.arm.lift.highest))
         levels = range(math.ceil((z - most) / CELL - 1e-9), math.floor(z / CELL + 1e-9) + 1)
         found = [(z - CELL * level, level, 0) for level in levels if self._has(level, 0)]
         if not len(levels):  # it rises by less than a cell
-            nearest = self._nearest(z - most / 2)
+            nearest = round((z - most / 2) / CELL)
             found = [(z - CELL * nearest, nearest, 0)] if self._has(nearest, 0) else []
         for level, offset in self.raised:
             rise = z - CELL * level - LEVELLED * offset
             if -LEVELLED / 2 <= rise <= most + LEVELLED / 2:
                 found.append((rise, level, offset))
         return tuple(
-            (float(self.lift.position(min(max(rise, 0.0), most))), level, offset)
+            (float(self.arm.lift.position(min(max(rise, 0.0), most))), level, offset)
             for rise, level, offset in sorted(found)
         )
 
     @cached_property
     def offsets(self) -> Index:
         """Heights of rows (n,) above their levels, in steps of :data:`LEVELLED`: 0 on the lattice."""
-        if not is_bound(self.arm) or self.lift is None:
+        if not is_bound(self.arm) or self.arm.lift is None:
             return np.zeros(len(self), np.intp)
         chain = carried(self.arm)
         heights = chain.fk(self.postures)[self.rows["posture"], 2, 3] if len(self) else np.zeros(0)
@@ -160,7 +160,7 @@ class ReachabilityMap:
 
     def _has(self, level: int, offset: int) -> bool:
         """Check whether a level has rows at an offset."""
-        rows = self._level(level)
+        rows = self.level(level)
         if not self.raised:
             return len(rows) > 0
         return bool((self.offsets[rows.start : rows.stop] == offset).any())
@@ -169,16 +169,16 @@ class ReachabilityMap:
         """Compute joint values (m, d) of rows (m,), in the order of the arm's joints, at one torso position or (m,)."""
         chosen = np.asarray(rows, np.intp)
         q = self.postures[self.rows["posture"][chosen]] if is_bound(self.arm) else self._exact(chosen)
-        return q if self.lift is None else np.insert(q, self.lift.column, np.asarray(torso, float), axis=1)
+        return q if self.arm.lift is None else np.insert(q, self.arm.lift.column, np.asarray(torso, float), axis=1)
 
     def _exact(self, rows: Index) -> Array:
         """Solve for joint values (m, d) at the poses of rows (m,), without the lift; results are cached."""
         new = np.unique(rows[~self._is_solved[rows]])
         if len(new):
-            lowest, near = 0.0 if self.lift is None else self.lift.lowest, self.postures[self.rows["posture"][new]]
+            near, lift = self.postures[self.rows["posture"][new]], self.arm.lift
             # each converged when the map was built
             solver = InverseKinematics(carried(self.arm))
-            self._solved[new], _ = solver.solve(self.poses(new, lowest), near[:, None])
+            self._solved[new], _ = solver.solve(self.poses(new, 0.0 if lift is None else lift.lowest), near[:, None])
             self._is_solved[new] = True
         return self._solved[rows]
 
@@ -228,18 +228,13 @@ class ReachabilityMap:
             return np.zeros(2, np.intp), np.ones(2, np.intp)
         return places[0], np.maximum(np.gcd.reduce(np.abs(np.diff(places, axis=0))), 1)
 
-    @property
-    def lift(self) -> Lift | None:
-        """Torso that lifts the arm straight up, if any."""
-        return self.arm.lift
-
     @cached_property
     def lowest_level(self) -> int:
         """Level of the lowest rows."""
         return int(self.rows["z"][0]) if len(self) else 0
 
     @cached_property
-    def starts(self) -> Index:
+    def _starts(self) -> Index:
         """First row of each level of the lattice, the lowest first, (levels + 1,)."""
         levels = np.asarray(self.rows["z"], np.intp)
         return np.searchsorted(levels, np.arange(self.lowest_level, int(levels[-1]) + 2 if len(self) else 1))
@@ -257,17 +252,14 @@ class ReachabilityMap:
         return row_keys(self.rows)
 
     def _rise(self, torso: ArrayLike) -> Any:
-        return 0.0 if self.lift is None else self.lift.rise(torso)
+        return 0.0 if self.arm.lift is None else self.arm.lift.rise(torso)
 
-    def _nearest(self, z: float) -> int:
-        return round(z / CELL)
-
-    def _level(self, level: int) -> range:
+    def level(self, number: int) -> range:
         """Rows of a level."""
-        number = level - self.lowest_level
-        if not 0 <= number < len(self.starts) - 1:
+        above = number - self.lowest_level
+        if not 0 <= above < len(self._starts) - 1:
             return range(0)
-        return range(int(self.starts[number]), int(self.starts[number + 1]))
+        return range(int(self._starts[above]), int(self._starts[above + 1]))
 
 
 def row_keys(rows: Rows) -> NDArray[np.int64]:

@@ -144,7 +144,7 @@ def _shared(full: ReachabilityMap, share: Share) -> ReachabilityMap:
     """Return the same map with as few postures as the rows of a block need."""
     rows, q, chain = full.rows, full.postures, carried(full.arm)
     solver, block = InverseKinematics(chain), blocks(rows, full.arm)
-    poses = full.poses(np.arange(len(rows)), 0.0 if full.lift is None else full.lift.lowest)
+    poses = full.poses(np.arange(len(rows)), 0.0 if full.arm.lift is None else full.arm.lift.lowest)
     alone = _scores(chain, q)
     scores, owner, left = alone.copy(), np.arange(len(rows)), np.arange(len(rows))
     reached = np.ones(len(rows), np.bool_)  # a few at the rim are not any more, from their own posture rounded

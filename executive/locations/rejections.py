@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import field, replace
 from typing import Literal
 
@@ -12,6 +12,7 @@ import numpy as np
 from executive.belief.scene_collisions import BasePose
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
+from planlang.geometry.areas import Clear, Facing, Region
 from planlang.protocols import Contact
 from planlang.records import dataclass
 
@@ -100,19 +101,17 @@ class Rejections:
         if number:
             self.counts[reason] += number
 
-    def count(self, reasons: Iterable[Reason | None]) -> None:
-        """Count the candidates with a reason."""
-        for reason in reasons:
+    def count(self, reasons: Iterable[Reason | None], candidates: Array | None = None) -> None:
+        """Count the candidates with a reason, and keep their places if they are given, (m, 2 or more)."""
+        each = list(reasons)
+        for reason in each:
             if reason is not None:
                 self.counts[reason.text] += 1
                 if reason.body is not None:
                     self.blocking[reason.body] += 1
 
-    def count_at(self, reasons: Sequence[Reason | None], candidates: Array) -> None:
-        """Count the candidates (m, 2 or more) with a reason, and keep their places."""
-        self.count(reasons)
-        if self.keeps:
-            texts = np.array(["" if reason is None else reason.text for reason in reasons], object)
+        if self.keeps and candidates is not None:
+            texts = np.array(["" if reason is None else reason.text for reason in each], object)
             for text in dict.fromkeys(texts[texts != ""].tolist()):
                 self.show(text, candidates[texts == text])
 
@@ -136,16 +135,6 @@ class Rejections:
         """Create a log for candidates that were counted already; only collisions carry over."""
         counts = Counter({COLLISION: self.counts[COLLISION]})
         return replace(self, counts=counts, blocking=Counter(), hopeless=False)
-
-    def copy(self) -> Rejections:
-        """Copy, to continue from twice."""
-        fresh = Rejections(self.explained, self.remembers)
-        fresh.include(self)
-        return fresh
-
-    def begin_again(self, before: Rejections) -> None:
-        """Reset counts to an earlier copy, since everything is examined again; places are kept."""
-        self.counts, self.blocking = Counter(before.counts), Counter(before.blocking)
 
     def remember(self, base: BasePose, score: float, reason: str = "", body: str | None = None) -> None:
         """Keep a place and its outcome."""
@@ -178,6 +167,11 @@ class Rejections:
             figures=next(figures, ""),
             after=after,
         )
+
+
+def unmet(area: Region | Facing | Clear) -> str:
+    """Reason for rejecting places outside an area, or headings."""
+    return f"not {area.words}".replace("not not ", "")
 
 
 def first_body(contacts: Iterable[Contact]) -> str:

@@ -18,13 +18,13 @@ from typing import Generic, TypeVar
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.belief.scene_part import Kept
-from executive.locations.consistency import meaningless
 from executive.locations.demands import (
     BaseDemand,
     base_demand,
     bodies_meant,
     goals_of,
     hand_demand,
+    meaningless,
     thing_demand,
     use_at,
 )
@@ -45,9 +45,9 @@ from executive.locations.questions import (
     Findings,
     Question,
 )
-from executive.locations.rejections import NOT_LOOKED_AT, NOT_VISIBLE, Rejections
+from executive.locations.rejections import NOT_VISIBLE, Rejections, unmet
 from executive.locations.search import search_bases
-from executive.locations.validation import BaseValidator, unmet
+from executive.locations.validation import BaseValidator
 from executive.robots.arms import ArmModel
 from planlang.designators import Device, Location, Object
 from planlang.failures import DesignatorFailure, LocationUnresolvable, MissingCapability, PlanFailure
@@ -62,6 +62,8 @@ from planlang.state import WorldState
 
 MOST_SUPPOSED = 16
 """Number of hypotheses whose answers are remembered."""
+MOST_QUESTIONS = 32
+"""Number of locations whose answers are remembered."""
 MOST_VIEWERS = 256
 """Number of locations whose viewpoint is remembered."""
 
@@ -74,10 +76,10 @@ class Resolver:
         self.scene = scene
         self.maps = InverseMaps(scene.robot.name, report)
         self._validator = BaseValidator(scene, self.maps)
-        self._answers: Answers[Solution] = Answers()
+        self._answers: Kept[dict[Hashable, Replayable[Solution]]] = Kept(1)
         self._supposed: Kept[Resolver] = Kept(MOST_SUPPOSED)
         self._viewers: dict[Location, tuple[float, float]] = {}
-        self._here: dict[Location, tuple[object, bool]] = {}
+        self._here: Kept[dict[tuple[Location, tuple[float, float]], bool]] = Kept(1)
         self.watchers: list[Callable[[Location, Rejections], object]] = []
         """Called with the log of each search for base poses when it begins; the log then keeps the places examined."""
 
@@ -87,8 +89,8 @@ class Resolver:
 
         def make() -> Resolver:
             other = copy(self)
-            other.scene, other._validator, other._answers = scene, BaseValidator(scene, self.maps), Answers()
-            other._viewers, other._here, other.watchers = dict(viewers), {}, []
+            other.scene, other._validator, other._answers = scene, BaseValidator(scene, self.maps), Kept(1)
+            other._viewers, other._here, other.watchers = dict(viewers), Kept(1), []
             return other
 
         return self._supposed.of((scene.content(), scene.belief.memory.bound, viewers), make)
@@ -109,7 +111,12 @@ class Resolver:
         if log is not None:
             return self._bases(location, Question(log))
         question = location, tuple(actions_around())  # enclosing actions restrict the grips
-        return self._answers.of(question, self.scene.content(), lambda: self._bases(location, self._question(location)))
+        answers = self._answers.of(self.scene.content(), dict)
+        if question not in answers:
+            while len(answers) >= MOST_QUESTIONS:
+                del answers[next(iter(answers))]
+            answers[question] = Replayable(lambda: self._bases(location, self._question(location)))
+        return iter(answers[question])
 
     def look_at_unseen(self, location: Location) -> Solution | None:
         """Find a look at an unreachable thing known only from the map, since it may stand elsewhere; None without.
@@ -160,23 +167,22 @@ class Resolver:
             watcher(location, log)
         return Question(log)
 
-    def _is_feasible(self, location: Location, common: Findings, scene: PlanningScene, log: Rejections) -> bool:
+    def _is_feasible(self, location: Location, common: Findings, scene: PlanningScene) -> bool:
         """Check quickly whether a location has a base pose in a scene that is supposed.
 
         ``common`` has what all these searches share: exact checks that are left, and whether the floor is walled.
         """
         if common.allowance.is_spent:
-            log.add(NOT_LOOKED_AT)
             return False
         demand = base_demand(location, scene, self._viewer(location))
-        return _has_base(self.supposing(scene)._validator, demand, common, log)
+        return _has_base(self.supposing(scene)._validator, demand, common)
 
     def _excluding(self, demand: BaseDemand, common: Findings, log: Rejections) -> Region | Facing | Clear | None:
         """Find the conjunct about the floor without which there would be a base pose; None if there is none."""
         areas = [area for area in demand.areas if log.counts[unmet(area)]]
         for area in areas if demand.reaches or demand.seen or len(demand.areas) > 1 else ():
             others = replace(demand, areas=tuple(one for one in demand.areas if one != area))
-            if not common.allowance.is_spent and _has_base(self._validator, others, common, Rejections()):
+            if not common.allowance.is_spent and _has_base(self._validator, others, common):
                 return area
         return None
 
@@ -311,12 +317,10 @@ class Resolver:
         """Check whether the base, the hand of a device, or an object is at a location, validated as in a search."""
         scene = self.scene
         if what is None:
-            state = scene.content(), self._viewer(location)
-            if self._here.get(location, (None, False))[0] != state:
-                while len(self._here) >= MOST_VIEWERS:
-                    del self._here[next(iter(self._here))]
-                self._here[location] = state, self.satisfies(location, scene.base()) is not None
-            return self._here[location][1]
+            key, known = (location, self._viewer(location)), self._here.of(scene.content(), dict)
+            if key not in known:
+                known[key] = self.satisfies(location, scene.base()) is not None
+            return known[key]
         viewer = self._viewer(location)
         if isinstance(what, Device):
             return any(hand_holds(location, arm, scene, viewer) for arm in scene.arms.of(what))
@@ -339,13 +343,11 @@ class Resolver:
         return self._viewers.get(location, (x, y))
 
 
-def _has_base(validator: BaseValidator, demand: BaseDemand, common: Findings, log: Rejections) -> bool:
-    """Check quickly whether demands have a base pose, and count why others are rejected."""
+def _has_base(validator: BaseValidator, demand: BaseDemand, common: Findings) -> bool:
+    """Check quickly whether demands have a base pose."""
     tried = Question(known=Findings(common.allowance, walled=common.walled))
     with closing(search_bases(validator, demand, tried, [], most=EASY)) as found:
-        is_found = next(found, None) is not None
-    log.include(tried.log)
-    return is_found
+        return next(found, None) is not None
 
 
 def _names_a_side(location: Location) -> bool:
@@ -356,11 +358,8 @@ def _names_a_side(location: Location) -> bool:
 
 T = TypeVar("T")
 
-MOST = 32
-"""Number of questions whose answers are cached."""
 
-
-class _Replayable(Generic[T]):
+class Replayable(Generic[T]):
     """Lazy series of answers that can be iterated again, with the failure that ended it.
 
     If the search is interrupted, the next iteration starts it again and yields the same answers.
@@ -396,21 +395,3 @@ class _Replayable(Generic[T]):
             self._source = None
             raise
         return True
-
-
-class Answers(Generic[T]):
-    """Question -> answers, valid as long as the state in which they were found."""
-
-    def __init__(self) -> None:
-        self._state: object = None
-        self._kept: dict[Hashable, _Replayable[T]] = {}
-
-    def of(self, question: Hashable, state: object, ask: Callable[[], Iterator[T]]) -> Iterator[T]:
-        """Iterate over the answers to a question in a state; ``ask`` searches for them if they are not cached."""
-        if state != self._state:
-            self._state, self._kept = state, {}
-        if question not in self._kept:
-            while len(self._kept) >= MOST:
-                del self._kept[next(iter(self._kept))]
-            self._kept[question] = _Replayable(ask)
-        return iter(self._kept[question])

@@ -6,7 +6,8 @@ The present base pose comes first, then searches with growing budgets.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -22,8 +23,7 @@ from executive.locations.floor_search import FloorSearch
 from executive.locations.grasp_candidates import CLASSES, Hand
 from executive.locations.hand_predicates import Stage
 from executive.locations.hand_solutions import HandHits, unblocked
-from executive.locations.looking_once import numbered
-from executive.locations.questions import ALL, BUDGETS, FreeHands, Question, SearchBudget
+from executive.locations.questions import ALL, BUDGETS, FreeHands, Question
 from executive.locations.rejections import (
     COLLISION,
     NO_ROOM,
@@ -31,13 +31,13 @@ from executive.locations.rejections import (
     NOT_VISIBLE,
     OUT_OF_REACH,
     Rejections,
+    unmet,
 )
-from executive.locations.validation import BaseValidator, scored, unmet
-from executive.robots.arms import ArmModel
+from executive.locations.validation import BaseValidator
 from planlang.geometry import Array
 from planlang.geometry.areas import Facing
 from planlang.protocols import Solution
-from planlang.relations.demands import Reach, ReachKind
+from planlang.relations.demands import ReachKind
 
 Band = tuple[tuple[float, float], float, float]
 """Centre, and least and greatest distance of base poses from it [m]."""
@@ -76,15 +76,17 @@ def search_bases(
         if not wanted:
             yield FloorSearch(validator, demand, question).places()
             return
-        before, repeat, exhausted, search = log.copy(), False, None, None
+        before, repeat, exhausted, search = (log.counts, log.blocking), False, None, None
         delivers = any(reach.kind in (ReachKind.PLACE, ReachKind.OFFER) for reach in wanted)
         for budget in BUDGETS[:most]:
             if exhausted == (budget.stage, budget.least, budget.rows):
                 continue  # would only keep more of the same base poses
             if not delivers and not log.counts[COLLISION]:  # more headings help against collisions only
                 budget = replace(budget, stage=min(budget.stage, Stage.ALL))
-            log.begin_again(before)
-            search = ReachSearch(validator, wanted, demand, arms, budget, question, is_found if repeat else None)
+            log.counts, log.blocking = map(Counter, before)  # everything is examined again
+            search = ReachSearch(
+                SearchSpec(validator, wanted, arms, demand, budget, question, is_found if repeat else None)
+            )
             yield search.places()
             if log.hopeless:
                 break
@@ -103,29 +105,17 @@ def search_bases(
 class ReachSearch:
     """Search for base poses from which all required reaches are possible."""
 
-    def __init__(
-        self,
-        validator: BaseValidator,
-        wanted: Sequence[Reach],
-        demand: BaseDemand,
-        arms: Sequence[ArmModel],
-        budget: SearchBudget,
-        question: Question,
-        is_taken: Callable[[BasePose], bool] | None = None,
-    ) -> None:
-        """Prepare; base poses for which ``is_taken`` holds need not be examined any more."""
-        self.validator, self.scene, self.inverse = validator, validator.scene, validator.inverse
-        self.wanted, self.demand, self.arms, self.budget, self.question = wanted, demand, arms, budget, question
-        self.log, self.known = question.log, question.known
-        self.spec = SearchSpec(validator, wanted, demand, budget, question, is_taken, validator.blind(demand))
-        self.poses = BasePoses(self.scene, question)
+    def __init__(self, spec: SearchSpec) -> None:
+        self.spec, self.scene, self.log = spec, spec.validator.scene, spec.question.log
+        self.known = spec.question.known
+        self.poses = BasePoses(self.scene, spec.question)
         """Also collects candidates without room anywhere, whose obstacles are named if nothing is found."""
         self.inverted = False
         """True once maps have given a base pose."""
 
     def places(self) -> Iterator[Solution]:
         """Yield base poses from which the first reach is possible by the maps, validated block by block."""
-        scene, validator, budget, log = self.scene, self.validator, self.budget, self.log
+        scene, validator, budget, log = self.scene, self.spec.validator, self.spec.budget, self.log
         free = self._free_hands()
         hands, reach, near = free.hands, free.reach, free.near
         if not hands:
@@ -133,7 +123,7 @@ class ReachSearch:
         middle = np.mean([hand.candidates.points.mean(axis=0) for hand in hands], axis=0)
         aside = [np.linalg.norm(hand.candidates.points[:, :2] - middle[:2], axis=1).max() for hand in hands]
         within = float(max(aside)) + reach
-        bands = [(reach.body, validator.band(reach, self.arms)) for reach in self.wanted[1:]]
+        bands = [(reach.body, validator.band(reach, self.spec.arms)) for reach in self.spec.wanted[1:]]
         log.hopeless = self._is_hopeless(middle[:2], within, bands)
         if self.known.walled and not scene.collisions.drivable().comes_near(middle[:2], within):
             log.add(NO_WAY, sum(len(hand.candidates) for hand in hands))
@@ -147,11 +137,10 @@ class ReachSearch:
                 succeeded = True
                 yield solution
             if budget.then is not None and not succeeded and self.spec.is_taken is None:
-                roomy = self.poses.rooms(numbered(as_reported(candidates.bases)))(np.arange(len(candidates)))
-                crowded = candidates.chosen(~np.array(roomy, bool))
-                floor, yaw = scene.collisions.floor(), scene.bodies.block(self.wanted[0].body).yaw
+                crowded = candidates.chosen(~self.poses.rooms(as_reported(candidates.bases)))
+                floor, yaw = scene.collisions.floor(), scene.bodies.block(self.spec.wanted[0].body).yaw
                 moved = moved_to_room(crowded, floor, middle[:2], yaw, budget.most)
-                then = replace(self.spec, budget=budget.then, question=self.question.uncounted())
+                then = replace(self.spec, budget=budget.then, question=self.spec.question.uncounted())
                 if len(moved):
                     yield from CandidateSearch(then, moved, hands, middle, stance, unseen).solutions()
 
@@ -163,18 +152,20 @@ class ReachSearch:
         Maps are inverted once for all searches that differ only in the number of base poses or in what has to be
         visible.
         """
-        scene, budget, log = self.scene, self.budget, self.log
+        scene, budget, log = self.scene, self.spec.budget, self.log
         known, key = self.known.inversions, (budget.stage, budget.least, budget.rows, self.known.walled)
         if key not in known:
             x, y = middle.tolist()
-            room = scene.collisions.floor().field((x, y), scene.bodies.block(self.wanted[0].body).yaw, within)
+            room = scene.collisions.floor().field((x, y), scene.bodies.block(self.spec.wanted[0].body).yaw, within)
             conjuncts: list[Conjunct] = [(f"not in reach of {body}", partial(_within, *band)) for body, band in bands]
-            conjuncts += [(unmet(term), partial(scored, term)) for term in self.demand.areas]
+            conjuncts += [(unmet(term), term.score) for term in self.spec.demand.areas]
             if self.known.walled:
                 drivable = scene.collisions.drivable()
                 conjuncts.append((NO_WAY, lambda bases: drivable(bases).astype(float)))
             known[key] = Inversion(room, conjuncts, show=log.show if log.keeps else None)
-            known[key].invert(hands, self.inverse, scene.collisions.lifted, least=budget.least, rows=budget.rows)
+            known[key].invert(
+                hands, self.spec.validator.inverse, scene.collisions.lifted, least=budget.least, rows=budget.rows
+            )
         inversion = known[key]
         # if all base poses of a candidate are kept, visibility is tested later, on solved ones only
         chooses = budget.fine and budget.each < ALL
@@ -194,21 +185,25 @@ class ReachSearch:
 
     def _free_hands(self) -> FreeHands:
         """Find the grasp candidates of the first reach with a collision-free hand; count the others."""
-        known, stage = self.known.hands, self.budget.stage
+        known, stage = self.known.hands, self.spec.budget.stage
         if stage not in known:
             known[stage] = self._find_hands()
         self.log.include(known[stage].counted)
         return known[stage]
 
     def _find_hands(self) -> FreeHands:
-        scene, first, stage = self.scene, self.wanted[0], self.budget.stage
+        scene, first, stage = self.scene, self.spec.wanted[0], self.spec.budget.stage
         counted = Rejections(remembers=self.log.keeps)
-        arms = self.validator.arms_for(first, self.arms)
-        possible = [(arm, self.validator.candidates(first, arm, counted, stage)) for arm in arms]
+        arms = self.spec.validator.arms_for(first, self.spec.arms)
+        possible = [(arm, self.spec.validator.candidates(first, arm, counted, stage)) for arm in arms]
         tables = [(arm, table) for arm, of_arm in possible for table in of_arm]
         if not tables:
             return FreeHands([], 0.0, (np.zeros(3), 0.0), counted)
-        reach = max(self.inverse(arm, CLASSES[g]).reach for arm, table in tables for g in set(table.grasps.tolist()))
+        reach = max(
+            self.spec.validator.inverse(arm, CLASSES[g]).reach
+            for arm, table in tables
+            for g in set(table.grasps.tolist())
+        )
         varied = stage is Stage.CLOSEST
         variants = (one for arm, table in tables for one in (table.variants(arm.openings) if varied else [table]))
         points = np.concatenate([one.points for one in variants])
@@ -223,13 +218,13 @@ class ReachSearch:
 
     def _is_hopeless(self, middle: Array, radius: float, bands: Sequence[tuple[str, Band]]) -> bool:
         """Check whether a conjunct about the base holds nowhere within a radius [m] of a place (2,)."""
-        areas = (term for term in self.demand.areas if not isinstance(term, Facing))
+        areas = (term for term in self.spec.demand.areas if not isinstance(term, Facing))
         apart = any(math.dist(middle, centre) > radius + most for _, (centre, _, most) in bands)
         return apart or not all(term.nearly(middle[None], radius)[0] for term in areas)
 
     def _unseen(self) -> Misses | None:
         """Create a test for bases from which the robot itself hides what has to be visible."""
-        names, visibility = self.validator.to_see(self.demand), self.scene.visibility
+        names, visibility = self.spec.validator.to_see(self.spec.demand), self.scene.visibility
         each = [unseen for name in names if (unseen := visibility.unseen(name)) is not None]
         return (lambda bases: np.any([unseen(bases) for unseen in each], axis=0)) if each else None
 

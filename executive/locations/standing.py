@@ -13,14 +13,12 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.floor import CELL, Floor
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.base_poses import BasePoses
 from executive.motion.base_path import poses_along
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array, Pose, matrices
-from planlang.geometry.areas import Block
 
 SHARES = (0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85)
 """Distances of a point ahead of the shoulders, as shares of an arm's reach."""
@@ -44,8 +42,6 @@ MOST = 40
 """Number of free base poses to offer."""
 ALIKE = 3
 """Free base poses at one distance of the point ahead before those at other distances follow."""
-AROUND = 2.5
-"""Distance from a thing within which to look for floor for the base [m]."""
 BACK_OFF = (0.1, 0.2, 0.3, 0.45, 0.6)
 """Distances at which to search for room for postures of the arms [m]; short, so that the base stays near its work."""
 AWAY = tuple(share * math.pi for share in (1.0, 0.75, -0.75, 0.5, -0.5, 0.25, -0.25, 0.0))
@@ -202,13 +198,6 @@ class Standing:
                 return pose
             indirect = indirect or pose
         return indirect
-
-
-def floor_near(block: Block, floor: Floor) -> Array:
-    """Sample places (n, 2) around a body where the base fits with some heading, reachable or not."""
-    steps = np.arange(-AROUND, AROUND, CELL)
-    points = np.stack(np.meshgrid(block.x + steps, block.y + steps), axis=-1).reshape(-1, 2)
-    return points[floor.fits(points)]
 
 
 def _shoulder(arms: Sequence[ArmModel]) -> tuple[Array, float]:

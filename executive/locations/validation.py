@@ -17,13 +17,12 @@ from executive.locations.hand_solutions import HandSolution, Trial, from_base
 from executive.locations.inverse_maps import InverseMaps
 from executive.locations.later_uses import LaterUses
 from executive.locations.questions import Question
-from executive.locations.rejections import COLLISION, NO_HOLD, NOT_VISIBLE, OUT_OF_REACH, Reason, Rejections
+from executive.locations.rejections import COLLISION, NO_HOLD, NOT_VISIBLE, OUT_OF_REACH, Reason, Rejections, unmet
 from executive.motion import QuickCheck
 from executive.robots.arms import ArmModel
 from planlang.designators import Location
 from planlang.failures import BehindClosedDoor, HandsFull, HandsLacking, TooHeavy
 from planlang.geometry import Array
-from planlang.geometry.areas import Clear, Facing, Region
 from planlang.protocols import Solution
 from planlang.relations.demands import Reach, ReachKind
 
@@ -164,12 +163,7 @@ class BaseValidator:
         if not wanted:
             return self.answer(base, score, {}, demand, question)
         for arm in arms:
-            reached: dict[Reach, HandSolution] = {}
-            for reach in wanted:
-                if (candidate := self._first(reach, base, self.arms_for(reach, [arm]), question.log)) is None:
-                    break
-                reached[reach] = candidate
-            else:
+            if (reached := self._all(wanted, base, arm, question.log)) is not None:
                 return self.answer(base, score, reached, demand, question)
         question.log.remember(base, score, OUT_OF_REACH.text)
         return None
@@ -205,19 +199,16 @@ class BaseValidator:
             log.count([reason])
             log.remember(base, score, reason.text, reason.body)
             return NO_HOLD.text if reason is NO_HOLD else reason.body
-        reached = {wanted[0]: solution}
-        for reach in wanted[1:]:
-            options = self.arms_for(reach, [solution.arm])
-            if (candidate := self._first(reach, base, options, log)) is None:
-                log.remember(base, score, OUT_OF_REACH.text)
-                return None
-            reached[reach] = candidate
-        return self.answer(base, score, reached, demand, question)
+        others = self._all(wanted[1:], base, solution.arm, log)
+        if others is None:
+            log.remember(base, score, OUT_OF_REACH.text)
+            return None
+        return self.answer(base, score, {wanted[0]: solution, **others}, demand, question)
 
     def stands(self, base: BasePose, score: float, demand: BaseDemand, question: Question) -> bool:
         """Check that the base can stand there, by all conjuncts that do not concern a hand, cheapest first."""
         for term in demand.areas:
-            if scored(term, np.array([base]))[0] <= 0:
+            if term.score(np.array([base]))[0] <= 0:
                 return question.log.reject(base, score, unmet(term))
         return BasePoses(self.scene, question).has_room(base, score)
 
@@ -290,6 +281,17 @@ class BaseValidator:
         """Whose left and right was meant, if a location names sides."""
         return {"frame": said} if (said := sides(demand, self.scene)) else {}
 
+    def _all(
+        self, wanted: Sequence[Reach], base: BasePose, arm: ArmModel, log: Rejections
+    ) -> dict[Reach, HandSolution] | None:
+        """Find a hand solution for each of some reaches from a base with an arm; None if one has none."""
+        reached: dict[Reach, HandSolution] = {}
+        for reach in wanted:
+            if (candidate := self._first(reach, base, self.arms_for(reach, [arm]), log)) is None:
+                return None
+            reached[reach] = candidate
+        return reached
+
     def _first(self, reach: Reach, base: BasePose, arms: Sequence[ArmModel], log: Rejections) -> HandSolution | None:
         """Find the best hand solution for a reach from a base with one of some arms."""
         for arm in arms:
@@ -338,16 +340,6 @@ class BaseValidator:
     def reached_from(self, base: BasePose) -> Mapping[tuple[str, BasePose], Mapping[Reach, HandSolution]]:
         """Hand solutions with which the last base pose found was validated."""
         return {key: candidates for key, candidates in self._reached.items() if key[1] == rounded(base)}
-
-
-def unmet(term: Region | Facing | Clear) -> str:
-    """Reason for rejecting base poses by a conjunct about the floor."""
-    return f"not {term.words}".replace("not not ", "")
-
-
-def scored(term: object, bases: Array) -> Array:
-    """Score (n,) of a conjunct about the floor for bases (n, 3)."""
-    return term.score(bases if isinstance(term, Facing) else bases[:, :2])  # type: ignore[attr-defined,no-any-return]
 
 
 def rounded(base: BasePose) -> BasePose:

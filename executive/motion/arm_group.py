@@ -8,8 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.motion.joint_ranges import JointRanges
-from executive.motion.kinematics import Chain
+from executive.motion.kinematics import Chain, JointRanges
 from planlang.geometry import Array
 
 
@@ -45,14 +44,6 @@ class ArmGroup(JointRanges):
     def carriers(self) -> tuple[str, ...]:
         """Child links of moving joints, without duplicates."""
         return tuple(dict.fromkeys(link for chain in self.chains for link in chain.carriers))
-
-    def frames(self, q: ArrayLike) -> Array:
-        """Compute poses (m, j, 4, 4) of the links ``carriers`` in the base for configurations (m, n)."""
-        rows = self.frame_rows(q)
-        poses = np.zeros((rows.shape[-1], len(rows), 4, 4))
-        poses[..., :3, :] = np.moveaxis(rows, -1, 0)
-        poses[..., 3, 3] = 1.0
-        return poses
 
     def frame_rows(self, q: ArrayLike) -> Array:
         """Compute the first three rows of these poses, configurations along the last axis: (j, 3, 4, m)."""

@@ -47,6 +47,8 @@ LEAST_PROGRESS = 0.2
 """Share of its length by which such a branch has to approach its target."""
 LARGEST_JUMP = 3.0
 """Greatest distance between neighbouring points of an edge after projection, in units of that before."""
+SHORTCUTS = 40
+"""Attempts to shorten a path."""
 FORBIDDEN = 0.5
 """Largest distance that paths keep from an exact collision, in units of the edge resolution."""
 
@@ -209,7 +211,6 @@ class _Search:
     touching: Touching
     moments: Callable[[Array], Array]
     rng: np.random.Generator
-    shortcuts: int
     effort: Effort
     constraint: Constraint | None = None
     exactly: bool = False
@@ -310,7 +311,6 @@ def plan_path(
     others: Sequence[Array] = (),
     constraint: Constraint | None = None,
     iterations: int = 1000,
-    shortcuts: int = 40,
 ) -> Array:
     """Plan a path: collision-free waypoints (n, d) from start to goal, ending at most whole turns away from it.
 
@@ -329,7 +329,7 @@ def plan_path(
     if outside.any() or not np.isfinite(b).all():
         raise OutsideLimits("the goal", b.tolist(), space.lower.tolist(), space.upper.tolist())
     effort = Effort(CHECKS * iterations, "checks")
-    search = _Search(space, quick, touching, moments or space.points, rng, shortcuts, effort, constraint)
+    search = _Search(space, quick, touching, moments or space.points, rng, effort, constraint)
     if pairs := search.pairs(a):
         raise StartInCollision(a.tolist(), pairs)
     goals = [a + space.move(a, goal) for goal in (b, *others) if not search.pairs(goal, quick.doubtful(goal[None])[0])]
@@ -417,7 +417,7 @@ def _grow(search: _Search, tree: _Tree, node: int, target: Array, reach: Array) 
 def _shortened(search: _Search, path: list[Array]) -> list[Array]:
     """Shorten a path: skip waypoints, then replace pieces between random points by straight edges."""
     path = _skipped(search, path)
-    for _ in range(search.shortcuts):
+    for _ in range(SHORTCUTS):
         if len(path) == 2:
             break
         marks = np.sort(search.rng.uniform(0, len(path) - 1, 2))

@@ -27,6 +27,8 @@ Touching = Callable[[float, float, float], Sequence[tuple[str, str]]]
 """Exact check: pairs of bodies that collide with the base at x, y, yaw; empty if it is free."""
 TIGHT = 10.0
 """Cost of a metre without room, in metres with plenty."""
+COMFORT = 0.25
+"""Room beyond which more makes no difference [m]."""
 ESCAPE = 0.8
 """Distance from start and goal within which a base may have no room to turn [m]."""
 NARROW = 3.0
@@ -42,8 +44,6 @@ class _Search:
     touching: Touching
     start: Planar
     goal: Planar
-    comfort: float
-    escape: float
     resolution: float
     costs: Array = field(init=False)
     known: dict[Planar, Sequence[tuple[str, str]]] = field(default_factory=dict)
@@ -54,8 +54,8 @@ class _Search:
         tight = np.zeros(self.room.shape, dtype=bool)
         centres = self.grid.centres()
         for x, y, _ in (self.start, self.goal):
-            tight |= np.hypot(centres[..., 0] - x, centres[..., 1] - y) <= self.escape
-        narrow = 1.0 + NARROW * np.clip(1.0 - self.room / self.comfort, 0.0, 1.0)
+            tight |= np.hypot(centres[..., 0] - x, centres[..., 1] - y) <= ESCAPE
+        narrow = 1.0 + NARROW * np.clip(1.0 - self.room / COMFORT, 0.0, 1.0)
         self.costs = np.where(self.room > 0, narrow, np.where(tight, TIGHT, np.inf))
 
     def pairs(self, pose: Planar) -> Sequence[tuple[str, str]]:
@@ -84,18 +84,16 @@ def plan_base_path(
     clearance: Array,
     touching: Touching,
     *,
-    comfort: float = 0.25,
-    escape: float = ESCAPE,
     resolution: float = 0.08,
     replans: int = 12,
 ) -> Array:
     """Plan waypoints (n, 3) of x, y [m] and yaw [rad] from start to goal; yaw is continuous, the shorter way.
 
-    ``clearance`` (rows, columns) is the field over the grid. More room than ``comfort`` makes no difference; within
-    ``escape`` of start and goal the field may be negative. ``touching(x, y, yaw)`` is called at steps of ``resolution``
-    [m, rad] along the path; the path is planned again around collisions, at most ``replans`` times. Raises
-    :class:`StartInCollision` and :class:`GoalInCollision` with the colliding bodies, :class:`OutsideLimits` for places
-    off the grid or not finite, and :class:`NoPath` with counts.
+    ``clearance`` (rows, columns) is the field over the grid. More room than :data:`COMFORT` makes no difference; within
+    :data:`ESCAPE` of start and goal the field may be negative. ``touching(x, y, yaw)`` is called at steps of
+    ``resolution`` [m, rad] along the path; the path is planned again around collisions, at most ``replans`` times.
+    Raises :class:`StartInCollision` and :class:`GoalInCollision` with the colliding bodies, :class:`OutsideLimits` for
+    places off the grid or not finite, and :class:`NoPath` with counts.
     """
     if clearance.shape != (grid.rows, grid.columns):
         raise ValueError(f"expected a field of shape {(grid.rows, grid.columns)}, got {clearance.shape}")
@@ -108,7 +106,7 @@ def plan_base_path(
     for what, place in (("the start", start), ("the goal", goal)):
         if grid.cell(place[0], place[1]) is None:
             raise OutsideLimits(what, place[:2], low, high)
-    search = _Search(grid, clearance, touching, start, goal, comfort, escape, resolution)
+    search = _Search(grid, clearance, touching, start, goal, resolution)
     if pairs := search.pairs(start):
         raise StartInCollision(start, pairs)
     if pairs := search.pairs(goal):
@@ -287,21 +285,23 @@ STEPS = (
 """Steps between poses, straight ones first, so that a path turns as little as possible."""
 
 
+TIGHT_REPLANS = 40
+"""How often a tight path is planned again around steps that touch something."""
+
+
 def plan_tight_path(
     start: Planar,
     goal: Planar,
     grid: Grid,
     free: Poses,
     touching: Touching,
-    resolution: float = 0.08,
-    *,
-    replans: int = 40,
+    resolution: float,
 ) -> Array:
     """Plan waypoints (n, 3) of x, y [m] and yaw [rad] from start to goal; yaw is continuous.
 
     ``free`` holds the poses with room. ``touching(x, y, yaw)`` is called at steps of ``resolution`` [m, rad] along the
-    path; steps that touch something are removed and the path is planned again, at most ``replans`` times. Raises
-    :class:`NoPath` with counts.
+    path; steps that touch something are removed and the path is planned again, at most :data:`TIGHT_REPLANS` times.
+    Raises :class:`NoPath` with counts.
     """
     free, turns, known = free.copy(), np.full_like(free, EVERY), dict[Planar, bool]()
 
@@ -316,7 +316,7 @@ def plan_tight_path(
         return [cell for cell in around(pose, grid) if has(free, cell) and not hits(_path(pose, pose, grid, [cell]))]
 
     begin, end, attempts = connected(start), connected(goal), 0
-    while attempts <= replans:
+    while attempts <= TIGHT_REPLANS:
         attempts += 1
         cells = _shortest(free, turns, begin, end)
         if cells is None:

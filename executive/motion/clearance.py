@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -33,7 +34,7 @@ TOGETHER = 32_768
 """Point-box distances for which dividing the points would cost more than it saves."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Boxes:
     """Upright boxes: ``centres`` (n, 3) and ``half_extents`` (n, 3) [m], ``yaws`` (n,) [rad], in the map."""
 
@@ -69,6 +70,29 @@ class Boxes:
         """Select boxes by index, indices or a mask."""
         rows = np.atleast_1d(np.asarray(index))
         return Boxes(self.centres[rows], self.half_extents[rows], self.yaws[rows])
+
+    @cached_property
+    def _axes(self) -> tuple[Array, Array]:
+        """Cosines and sines (n, 1) of the yaws."""
+        return np.cos(self.yaws)[:, None], np.sin(self.yaws)[:, None]
+
+    def distances(self, places: Array, some: NDArray[np.intp]) -> Array:
+        """Distances (m, k) from above of points (k, 2) from some boxes (m,); negative inside, to the nearest side."""
+        dx, dy = places[:, 0] - self.centres[some, :1], places[:, 1] - self.centres[some, 1:2]
+        cosine, sine = (turn[some] for turn in self._axes)
+        along = np.abs(cosine * dx + sine * dy) - self.half_extents[some, :1]
+        across = np.abs(cosine * dy - sine * dx) - self.half_extents[some, 1:2]
+        inside = np.minimum(np.maximum(along, across), 0.0)
+        outside = np.sqrt(np.square(np.maximum(along, 0.0)) + np.square(np.maximum(across, 0.0)))
+        outside += inside
+        return np.asarray(outside)
+
+    def beyond(self, low: Array, high: Array, some: NDArray[np.intp]) -> Array:
+        """Lower bounds (m,) of these distances of some boxes from all points of a rectangle."""
+        turned = np.abs(np.concatenate([turn[some] for turn in self._axes], axis=1))
+        x, y = self.half_extents[some, :1], self.half_extents[some, 1:2]
+        extents, centres = x * turned + y * turned[:, ::-1], self.centres[some, :2]
+        return np.asarray((np.maximum(low - centres, centres - high) - extents).max(axis=1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,72 +152,38 @@ def clearances_at(
             overlaps = (bottom < high) & (top > low)
             widest[number] = np.maximum(widest[number], np.where(overlaps, radius, -np.inf))
     relevant = np.flatnonzero(np.isfinite(widest.max(axis=0, initial=-np.inf)))
-    sides = _Sides.of(boxes.only(relevant))
-    for rows, some in _together(places, sides, widest[:, relevant], most):
+    close = boxes.only(relevant)
+    for rows, some in _together(places, close, widest[:, relevant], most):
         here, radii = places[rows], widest[:, relevant[some]]
         least, batch = np.full((len(silhouettes), len(here)), np.inf), max(1, AT_ONCE // len(here))
         for first in range(0, len(some), batch):
-            distances = sides.distances(here, some[first : first + batch])
+            distances = close.distances(here, some[first : first + batch])
             for clearance, radius in zip(least, radii[:, first : first + batch], strict=True):
                 np.minimum(clearance, (distances - radius[:, None]).min(axis=0), out=clearance)
         clearances[:, rows] = least
     return clearances
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Sides:
-    """Boxes from above: centres and half extents (n, 2) [m], cosines and sines of their yaws (n, 1)."""
-
-    centres: Array
-    half: Array
-    cosines: Array
-    sines: Array
-
-    @staticmethod
-    def of(boxes: Boxes) -> _Sides:
-        """Take them from boxes."""
-        cosines, sines = np.cos(boxes.yaws)[:, None], np.sin(boxes.yaws)[:, None]
-        return _Sides(boxes.centres[:, :2], boxes.half_extents[:, :2], cosines, sines)
-
-    def distances(self, places: Array, some: NDArray[np.intp]) -> Array:
-        """Distances (m, k) of points (k, 2) from some boxes (m,); negative inside, to the nearest side."""
-        dx, dy = places[:, 0] - self.centres[some, :1], places[:, 1] - self.centres[some, 1:]
-        cosine, sine = self.cosines[some], self.sines[some]
-        along = np.abs(cosine * dx + sine * dy) - self.half[some, :1]
-        across = np.abs(cosine * dy - sine * dx) - self.half[some, 1:]
-        inside = np.minimum(np.maximum(along, across), 0.0)
-        outside = np.sqrt(np.square(np.maximum(along, 0.0)) + np.square(np.maximum(across, 0.0)))
-        outside += inside
-        return np.asarray(outside)
-
-    def beyond(self, low: Array, high: Array, some: NDArray[np.intp]) -> Array:
-        """Lower bounds (m,) of the distances of some boxes from all points of a rectangle."""
-        turned = np.abs(np.concatenate([self.cosines[some], self.sines[some]], axis=1))
-        x, y = self.half[some, :1], self.half[some, 1:]
-        extents, centres = x * turned + y * turned[:, ::-1], self.centres[some]
-        return np.asarray((np.maximum(low - centres, centres - high) - extents).max(axis=1))
-
-
 Part = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Numbers of points that lie together, and of the boxes that matter to them."""
 
 
-def _together(places: Array, sides: _Sides, widest: Array, most: float) -> Iterator[Part]:
+def _together(places: Array, boxes: Boxes, widest: Array, most: float) -> Iterator[Part]:
     """Divide points (k, 2) into groups, each with the boxes that may be the nearest to one of its points.
 
     A box whose distance from the group's rectangle is above the clearance that the group has anyway, by another box,
     cannot be: so each point is compared with those around it, however many there are in the map.
     """
-    every = np.arange(len(sides.centres))
+    every = np.arange(len(boxes))
     left: list[Part] = [(np.arange(len(places)), every)] if len(places) and len(every) else []
     while left:
         rows, some = left.pop()
         low, high = places[rows].min(axis=0), places[rows].max(axis=0)
         if len(some) > FEW:
             middle, radii = (low + high) / 2, widest[:, some]
-            room = sides.distances(middle[None], some)[:, 0] - radii
+            room = boxes.distances(middle[None], some)[:, 0] - radii
             largest = np.minimum(room.min(axis=1) + float(np.hypot(*(high - low))) / 2, most)
-            least = sides.beyond(low, high, some) - radii
+            least = boxes.beyond(low, high, some) - radii
             some = some[(least <= largest[:, None] + ROUNDING).any(axis=0)]
         wide = int(np.argmax(high - low))
         is_low = places[rows, wide] <= (low[wide] + high[wide]) / 2

@@ -108,12 +108,6 @@ class QuickCheck:
         """
         return self._first(self._limit, self._hand_frames(tips), self._hand_pairs)
 
-    def hand_parts(self, tips: Array, obstacle: str) -> list[str]:
-        """List the links of the hand that hit an obstacle with the tip at poses (n, 4, 4), once for each pose."""
-        pairs, rows, *_ = self._near(self._limit, self._hand_frames(tips), self._hand_pairs)
-        hits = dict.fromkeys(zip(pairs.tolist(), rows.tolist(), strict=True))
-        return [part for part, name in (self._pair(pair) for pair, _ in hits) if name == obstacle]
-
     def _hand_frames(self, tips: Array) -> Array:
         frames = np.zeros((FIRST_JOINT + len(self._chain.carriers), 3, 4, len(tips)))
         frames[MAP] = np.eye(3, 4)[..., None]
@@ -282,8 +276,10 @@ class QuickCheck:
             none = np.zeros(0, np.intp)
             return none, none, np.zeros(0), none
         size = max(1, AT_ONCE // size)
-        find = self._first_in if only_first else self._near_in
-        parts = [find(width, frames[..., k : k + size], pairs) for k in range(0, count, size)]
+        find, parts = self._first_by_spheres if only_first else self._near_by_spheres, []
+        for some in (frames[..., k : k + size] for k in range(0, count, size)):
+            rows = np.ascontiguousarray(np.moveaxis(some, -1, 0))  # (n, f, 3, 4): each row contiguous
+            parts.append(find(width, rows, *self._near_by_balls(width, some, rows, pairs)))
         if len(parts) == 1:
             return parts[0]
         starts = np.repeat(np.arange(len(parts)) * size, [len(part[0]) for part in parts])
@@ -291,14 +287,11 @@ class QuickCheck:
         order = np.lexsort((row + starts, pair))
         return pair[order], (row + starts)[order], gap[order], piece[order]
 
-    def _near_in(self, width: Array, frames: Array, pairs: _Pairs) -> Found:
-        rows = _by_row(frames)
-        return self._near_by_spheres(width, rows, *self._near_by_balls(width, frames, rows, pairs))
+    def _first_by_spheres(self, width: Array, rows: Array, pair: Index, piece: Index, row: Index) -> Found:
+        """Select the first of those pairs, pieces and rows (k,) that is near in each row, and some more.
 
-    def _first_in(self, width: Array, frames: Array, pairs: _Pairs) -> Found:
-        """Find the first near pair of each row, and some more, testing as few as possible."""
-        rows = _by_row(frames)
-        pair, piece, row = self._near_by_balls(width, frames, rows, pairs)
+        As few as possible are tested.
+        """
         order = np.argsort(row, kind="stable")
         rank = np.empty(len(row), np.intp)
         rank[order] = np.arange(len(row)) - np.searchsorted(row[order], row[order])
@@ -309,7 +302,7 @@ class QuickCheck:
         while len(untested):
             batch = untested[rank[untested] < bound]
             parts.append(self._near_by_spheres(width, rows, pair[batch], piece[batch], row[batch]))
-            hit = np.zeros(frames.shape[3], bool)
+            hit = np.zeros(len(rows), bool)
             hit[parts[-1][1]] = True
             untested, bound = untested[(rank[untested] >= bound) & ~hit[row[untested]]], 3 * bound
         if len(parts) < 2:
@@ -450,11 +443,6 @@ def _boxes(solids: Solids) -> tuple[Array, Array]:
     """Compute corners (k, 3) of boxes around pieces, along the axes of their frame."""
     half = np.minimum(np.einsum("kij,kj->ki", np.abs(solids.axes), solids.extents), solids.reach[:, None])
     return solids.centres - half, solids.centres + half
-
-
-def _by_row(frames: Array) -> Array:
-    """Reorder frames (f, 3, 4, n) as (n, f, 3, 4), so that each row is contiguous."""
-    return np.ascontiguousarray(np.moveaxis(frames, -1, 0))
 
 
 def _padded(bodies: Bodies) -> tuple[Array, Array]:

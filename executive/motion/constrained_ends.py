@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.motion.arm_group import ArmGroup
-from executive.motion.arm_path import bisection
+from executive.motion.arm_path import Quick, bisection
 from executive.motion.constraint_functions import Bound, ConstraintFunctions, Surroundings
 from executive.motion.constraint_optimisation import Index, Optimiser, Optimum, Rows
 from executive.motion.errors import ConstraintsContradict, Effort, OutOfEffort
@@ -62,27 +62,18 @@ OTHER = 0.05
 """Smallest difference of a joint between distinct ends [rad, m]."""
 
 
-class Obstacles(Protocol):
+class Obstacles(Quick, Protocol):
     """Bodies that must not be touched: :class:`executive.motion.collision.QuickCheck` of a group of arms."""
 
     @property
     def names(self) -> tuple[tuple[str, str], ...]:
         """The two bodies of each pair."""
 
-    def free(self, q: Array) -> NDArray[np.bool_]:
-        """Check which configurations (m, n) are free as far as known."""
-
     def sure(self, q: Array) -> NDArray[np.bool_]:
         """Check which configurations (m, n) are surely free."""
 
-    def doubtful(self, q: Array) -> Sequence[Sequence[tuple[str, str]] | None]:
-        """List the pairs that may touch at each configuration (m, n); None where they are unknown."""
-
     def room(self, q: Array, within: float, among: Index | None = None) -> tuple[Index, Index, Array]:
         """Find pairs and configurations (k,) whose room is at most ``within`` [m], and that room (k,)."""
-
-    def keep(self, distance: float, ends: Sequence[Array]) -> None:
-        """Keep this clearance [m] where the collision-free ends (n,) allow it; forget what was learnt."""
 
     def learn(self, q: Array, pairs: Sequence[tuple[str, str]], by: float = ...) -> None:
         """Learn which pairs touch at a configuration (n,): keep them farther apart [m]."""

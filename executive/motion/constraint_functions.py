@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from executive.motion.arm_group import ArmGroup
 from executive.motion.errors import MotionError
-from executive.motion.kinematics import ChainFunctions
-from executive.motion.symbolic import RowFunction
+from executive.motion.symbolic import ChainFunctions, RowFunction
 from planlang.designators import Object
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved, product, rotated
@@ -73,7 +72,7 @@ class Bound:
     """Constraint as one of four functions, with its parameters."""
 
     constraint: MotionConstraint
-    function: str
+    measure: Measure
     arm: int
     parameters: Array
     """Position and direction of the tool feature in the frame of the arm's tip; c and n in the base, (12,)."""
@@ -93,16 +92,7 @@ class Bound:
             normal = rotated(where.base[:3, :3].T, axis)
         tolerance = LENGTH_TOLERANCE if constraint.kind.value.unit else COSINE_TOLERANCE
         parameters = np.concatenate([tool, world[:3], normal])
-        return Bound(constraint, _FUNCTION_OF[measure], arm, parameters, *constraint.limits, tolerance)
-
-
-_FUNCTION_OF = {
-    Measure.COSINE: "cosine",
-    Measure.HEADING: "heading",
-    Measure.HEIGHT: "offset",
-    Measure.OFFSET: "offset",
-    Measure.DISTANCE: "distance",
-}
+        return Bound(constraint, measure, arm, parameters, *constraint.limits, tolerance)
 
 
 def _placed(feature: Feature, pose: Array) -> Array:
@@ -141,11 +131,12 @@ def _length(vector: Any) -> Any:
     return casadi.sqrt(casadi.dot(vector, vector) + 1e-18)
 
 
-_FORMULAS: dict[str, Callable[[Any, Any, Any, Any], Any]] = {
-    "cosine": _cosine,
-    "heading": _heading,
-    "offset": _offset,
-    "distance": _distance,
+_FORMULAS: dict[Measure, Callable[[Any, Any, Any, Any], Any]] = {
+    Measure.COSINE: _cosine,
+    Measure.HEADING: _heading,
+    Measure.HEIGHT: _offset,
+    Measure.OFFSET: _offset,
+    Measure.DISTANCE: _distance,
 }
 
 
@@ -157,7 +148,7 @@ class ConstraintFunctions:
         self.lower, self.upper, self.tolerance = (
             np.array([getattr(bound, name) for bound in bounds]) for name in ("lower", "upper", "tolerance")
         )
-        kinds = [(bound.arm, bound.function) for bound in bounds]
+        kinds = [(bound.arm, bound.measure) for bound in bounds]
         self._kinds = tuple(dict.fromkeys(kinds))
         self._of_kind = np.array([self._kinds.index(kind) for kind in kinds], np.intp)
         self._parameters = np.array([bound.parameters for bound in bounds]).reshape(-1, 12)
@@ -187,15 +178,17 @@ class ConstraintFunctions:
 
     @cached_property
     def _functions(self) -> list[RowFunction]:
-        return [_function(self.group.chains[arm].functions, name) for arm, name in self._kinds]
+        return [_function(self.group.chains[arm].functions, measure) for arm, measure in self._kinds]
 
 
 @lru_cache(64)
-def _function(functions: ChainFunctions, name: str) -> RowFunction:
+def _function(chain: ChainFunctions, measure: Measure) -> RowFunction:
     """Build (q of a chain, parameters) -> value, gradient; cached for chains with equal kinematics."""
-    chain = functions.symbolic
     parameters = casadi.SX.sym("parameters", 12)
-    position, direction = chain.position + chain.rotation @ parameters[:3], chain.rotation @ parameters[3:6]
-    value = _FORMULAS[name](position, direction, parameters[6:9], parameters[9:])
+    position = chain.position + chain.rotation @ parameters[:3]
+    direction = chain.rotation @ parameters[3:6]
+    value = _FORMULAS[measure](position, direction, parameters[6:9], parameters[9:])
     gradient = casadi.densify(casadi.gradient(value, chain.q))
-    return RowFunction(casadi.Function(name, [chain.q, parameters], [casadi.densify(value), gradient], {"cse": True}))
+    return RowFunction(
+        casadi.Function(measure.name, [chain.q, parameters], [casadi.densify(value), gradient], {"cse": True})
+    )

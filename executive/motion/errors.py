@@ -6,7 +6,7 @@ Budgets are in units that are the same on every machine: results never depend on
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from planlang.kernel import still_computing
 from planlang.records import dataclass
@@ -26,22 +26,26 @@ class OutOfEffort(MotionError):
         super().__init__(f"the search was given up after {most} {unit}")
 
 
-class StartInCollision(MotionError):
-    """The start of a path is in collision; ``pairs`` names the colliding bodies, if known."""
+class InCollision(MotionError):
+    """An end of a path is in collision; ``pairs`` names the colliding bodies, if known."""
 
-    def __init__(self, start: Sequence[float], pairs: Sequence[tuple[str, str]] = ()) -> None:
-        self.start = tuple(float(value) for value in start)
-        self.pairs = tuple(pairs)
-        super().__init__(f"the start is in collision: {_numbers(self.start)}{_named(self.pairs)}")
+    end: ClassVar[str]
+
+    def __init__(self, place: Sequence[float], pairs: Sequence[tuple[str, str]] = ()) -> None:
+        self.place, self.pairs = tuple(map(float, place)), tuple(pairs)
+        super().__init__(f"the {self.end} is in collision: {_numbers(self.place)}{_named(self.pairs)}")
 
 
-class GoalInCollision(MotionError):
-    """The goal of a path is in collision; ``pairs`` names the colliding bodies, if known."""
+class StartInCollision(InCollision):
+    """The start of a path is in collision."""
 
-    def __init__(self, goal: Sequence[float], pairs: Sequence[tuple[str, str]] = ()) -> None:
-        self.goal = tuple(float(value) for value in goal)
-        self.pairs = tuple(pairs)
-        super().__init__(f"the goal is in collision: {_numbers(self.goal)}{_named(self.pairs)}")
+    end = "start"
+
+
+class GoalInCollision(InCollision):
+    """The goal of a path is in collision."""
+
+    end = "goal"
 
 
 class OutsideLimits(MotionError):

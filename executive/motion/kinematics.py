@@ -15,11 +15,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.motion.joint_ranges import JointRanges
-from executive.motion.symbolic import ROTATION_WEIGHT, RowFunction, SymbolicChain, Variable
+from executive.motion.symbolic import ROTATION_WEIGHT, ChainFunctions, Variable
 from planlang.geometry import Array
 from planlang.geometry.matrices import product, rotated
-from planlang.geometry.urdf import KINDS, Joint, NoSuchChain, displacement, joints_between, read_urdf
+from planlang.geometry.urdf import KINDS, Joint, NoSuchChain, joints_between, read_urdf
 from planlang.kernel import still_computing
 
 POSITION_TOLERANCE = 1e-4
@@ -40,6 +39,42 @@ IMPROPER = 0.01
 """Largest error in elements of R R^T up to which a matrix R stands for the nearest rotation.
 
 Quaternions whose norm is off by 0.001 give as much; solutions have the rotation that is nearest to R."""
+
+
+class JointRanges:
+    """n joints with their ranges, and the links that they move."""
+
+    lower: Array
+    """Lower limits (n,) [rad, m]; -pi, the start of its range, for a continuous joint."""
+    upper: Array
+    """Upper limits (n,)."""
+    continuous: NDArray[np.bool_]
+    """Mask of continuous joints (n,)."""
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper limits (n,), infinite for continuous joints."""
+        return np.where(self.continuous, -np.inf, self.lower), np.where(self.continuous, np.inf, self.upper)
+
+    def within(self, q: ArrayLike, tolerance: float = 0.0) -> NDArray[np.bool_]:
+        """Check which configurations (m, n) respect all limits; continuous joints have none."""
+        rows = np.atleast_2d(np.asarray(q, float))
+        lower, upper = self.bounds
+        return np.asarray(((rows >= lower - tolerance) & (rows <= upper + tolerance)).all(axis=1))
+
+    def near(self, q: ArrayLike, reference: ArrayLike) -> Array:
+        """Shift continuous joints of configurations (..., n) by whole turns to within half a turn of the reference."""
+        configurations, target = np.asarray(q, float), np.asarray(reference, float)
+        turns = np.where(self.continuous, np.round((target - configurations) / (2 * np.pi)), 0.0)
+        return np.asarray(configurations + 2 * np.pi * turns)
+
+    def frame_rows(self, q: ArrayLike) -> Array:
+        """Compute the first three rows of poses of the moving links in the base, (j, 3, 4, m), for configurations."""
+        raise NotImplementedError
+
+    def frames(self, q: ArrayLike) -> Array:
+        """Compute poses (m, j, 4, 4) of the moving links in the base for configurations (m, n)."""
+        return _whole(self.frame_rows(q))
 
 
 class Chain(JointRanges):
@@ -150,18 +185,13 @@ class Chain(JointRanges):
         if known is None:
             while len(_FUNCTIONS) >= MOST_CHAINS:
                 del _FUNCTIONS[next(iter(_FUNCTIONS))]
-            symbolic = SymbolicChain.of(self._joints, self._variables, self.dof)
-            known = _FUNCTIONS[self.digest] = ChainFunctions(symbolic, *self.bounds)
+            known = _FUNCTIONS[self.digest] = ChainFunctions(self._joints, self._variables, *self.bounds)
         return known
 
     def fk(self, q: ArrayLike) -> Array:
         """Compute poses (n, 4, 4) of the tip in the base for configurations (n, d)."""
         (rows,) = self.functions.tip(self._rows(q).T)
         return _whole(rows.reshape(3, 4, rows.shape[1]))
-
-    def frames(self, q: ArrayLike) -> Array:
-        """Compute poses (n, j, 4, 4) of the links ``carriers`` in the base for configurations (n, d)."""
-        return _whole(self.frame_rows(q))
 
     def frame_rows(self, q: ArrayLike) -> Array:
         """Compute the first three rows of these poses, configurations along the last axis: (j, 3, 4, n)."""
@@ -243,58 +273,14 @@ class Chain(JointRanges):
 
     @cached_property
     def _twists(self) -> Array:
-        """Unit motions (3, 6, d) of a body at the base's origin by each joint, in three postures: linear, angular."""
-        postures = np.random.default_rng(0).uniform(self.lower, self.upper, (3, self.dof))
-        twists = np.zeros((3, 6, self.dof))
-        for q, columns in zip(postures, twists, strict=True):
-            pose = np.eye(4)
-            for joint, variable in zip(self._joints, self._variables, strict=True):
-                pose, value = product(pose, joint.origin), variable.offset
-                if variable.index is not None:
-                    axis, value = rotated(pose[:3, :3], joint.axis), value + variable.multiplier * q[variable.index]
-                    turn = np.zeros(3) if joint.kind == "prismatic" else axis
-                    slide = axis if joint.kind == "prismatic" else np.cross(pose[:3, 3], axis)
-                    columns[:, variable.index] += variable.multiplier * np.concatenate([slide, turn])
-                pose = product(pose, displacement(joint, value))
-        return twists
+        """Jacobians (3, 6, d) in three postures, which stand for all."""
+        return self.jacobian(np.random.default_rng(0).uniform(self.lower, self.upper, (3, self.dof)))
 
     def _rows(self, q: ArrayLike) -> Array:
         rows = np.atleast_2d(np.asarray(q, float))
         if rows.ndim != 2 or rows.shape[1] != self.dof:
             raise ValueError(f"expected configurations (n, {self.dof}) of {self.names}, got shape {np.shape(q)}")
         return rows
-
-
-class ChainFunctions:
-    """Functions of one chain on casadi's virtual machine, each built on first use."""
-
-    def __init__(self, symbolic: SymbolicChain, lower: Array, upper: Array) -> None:
-        """Create the functions; ``lower`` and ``upper`` (d,) are infinite for continuous joints."""
-        self.symbolic, self._lower, self._upper = symbolic, lower, upper
-
-    @cached_property
-    def tip(self) -> RowFunction:
-        """Forward kinematics of the tip."""
-        return RowFunction(self.symbolic.tip_function())
-
-    @cached_property
-    def jacobian(self) -> RowFunction:
-        """The Jacobian of the tip."""
-        return RowFunction(self.symbolic.jacobian_function())
-
-    @cached_property
-    def frames(self) -> RowFunction:
-        """Forward kinematics of all moving links."""
-        return RowFunction(self.symbolic.frames_function())
-
-    @cached_property
-    def step(self) -> RowFunction:
-        """One step of inverse kinematics."""
-        return RowFunction(self.symbolic.step_function(self._lower, self._upper))
-
-    def within(self, q: Array) -> Array:
-        """Clamp configurations (d, n) to the limits."""
-        return np.minimum(np.maximum(q, self._lower[:, None]), self._upper[:, None])
 
 
 _FUNCTIONS: dict[str, ChainFunctions] = {}
@@ -377,7 +363,7 @@ def _master(joint: Joint, every: Mapping[str, Joint]) -> tuple[str, float, float
 
 
 def _whole(rows: Array) -> Array:
-    """Complete poses (n, ..., 4, 4) from their first three rows (..., 3, 4, n)."""
+    """Complete poses (m, ..., 4, 4) from their first three rows (..., 3, 4, m)."""
     poses = np.zeros((rows.shape[-1], *rows.shape[:-3], 4, 4))
     poses[..., :3, :] = np.moveaxis(rows, -1, 0)
     poses[..., 3, 3] = 1.0

@@ -16,6 +16,7 @@ rows.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import casadi
@@ -132,20 +133,15 @@ class Variable:
     offset: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class SymbolicChain:
-    """Expressions of a chain in its base frame; ``jacobian`` (6, d) is that of the tip, linear above angular."""
+class ChainFunctions:
+    """Functions of a chain in its base frame, each built on first use; positions and rotations are expressions in q."""
 
-    q: Any
-    rotation: Any
-    position: Any
-    jacobian: Any
-    frames: tuple[tuple[Any, Any], ...]
-    """Rotation and position of the child of each moving joint, base first."""
+    def __init__(self, joints: Sequence[Joint], variables: Sequence[Variable], lower: Array, upper: Array) -> None:
+        """Derive forward kinematics and geometric Jacobian of joints from base to tip.
 
-    @staticmethod
-    def of(joints: Sequence[Joint], variables: Sequence[Variable], size: int) -> SymbolicChain:
-        """Derive forward kinematics and geometric Jacobian of joints from base to tip in terms of q (size,)."""
+        ``lower`` and ``upper`` (d,) are infinite for continuous joints.
+        """
+        self._lower, self._upper, size = lower, upper, len(lower)
         q = casadi.SX.sym("q", size)
         rotation, position = casadi.SX.eye(3), casadi.SX.zeros(3)
         moving: list[tuple[Joint, Variable, Any, Any]] = []
@@ -177,25 +173,34 @@ class SymbolicChain:
             angular = casadi.SX.zeros(3) if joint.kind == "prismatic" else axis
             assert variable.index is not None
             columns[variable.index] = columns[variable.index] + variable.multiplier * casadi.vertcat(linear, angular)
-        return SymbolicChain(q, rotation, position, casadi.horzcat(*columns), tuple(frames))
+        self.q, self.rotation, self.position = q, rotation, position
+        self._columns, self._frames = casadi.horzcat(*columns), frames
 
-    def tip_function(self) -> Any:
+    @cached_property
+    def tip(self) -> RowFunction:
         """q -> rotation of the tip with its position as fourth column, row by row (12)."""
         return self._function("tip", _row_major(casadi.horzcat(self.rotation, self.position)))
 
-    def jacobian_function(self) -> Any:
-        """q -> Jacobian, row by row (6 d)."""
-        return self._function("jacobian", _row_major(self.jacobian))
+    @cached_property
+    def jacobian(self) -> RowFunction:
+        """q -> Jacobian of the tip, linear above angular, row by row (6 d)."""
+        return self._function("jacobian", _row_major(self._columns))
 
-    def frames_function(self) -> Any:
-        """q -> the same for the children of j moving joints (12 j)."""
-        return self._function("frames", casadi.vertcat(*(_row_major(casadi.horzcat(*frame)) for frame in self.frames)))
+    @cached_property
+    def frames(self) -> RowFunction:
+        """q -> the same as for the tip for the children of j moving joints (12 j)."""
+        return self._function("frames", casadi.vertcat(*(_row_major(casadi.horzcat(*frame)) for frame in self._frames)))
 
-    def _function(self, name: str, output: Any) -> Any:
-        return casadi.Function(name, [self.q], [output], {"cse": True})
+    def _function(self, name: str, output: Any) -> RowFunction:
+        return RowFunction(casadi.Function(name, [self.q], [output], {"cse": True}))
 
-    def step_function(self, lower: Array, upper: Array) -> Any:
-        """(q, target) -> (q after one step, squared errors [m^2, rad^2] at q), with limits (d,), or infinite.
+    @cached_property
+    def step(self) -> RowFunction:
+        """One step of inverse kinematics."""
+        return RowFunction(self.step_function())
+
+    def step_function(self) -> Any:
+        """(q, target) -> (q after one step, squared errors [m^2, rad^2] at q).
 
         A target has 12 rows: the rotation row by row, then the position.
         """
@@ -206,8 +211,8 @@ class SymbolicChain:
         squares = casadi.vertcat(casadi.dot(linear, linear), casadi.dot(angular, angular))
 
         error = casadi.vertcat(linear, ROTATION_WEIGHT * angular)
-        jacobian = casadi.vertcat(self.jacobian[:3, :], ROTATION_WEIGHT * self.jacobian[3:, :])
-        low, high = casadi.DM(lower), casadi.DM(upper)
+        jacobian = casadi.vertcat(self._columns[:3, :], ROTATION_WEIGHT * self._columns[3:, :])
+        low, high = casadi.DM(self._lower), casadi.DM(self._upper)
         slope = jacobian.T @ error
         leaving = casadi.logic_or(
             casadi.logic_and(q <= low + 1e-9, slope < 0), casadi.logic_and(q >= high - 1e-9, slope > 0)
@@ -219,6 +224,10 @@ class SymbolicChain:
         moved = casadi.fmin(casadi.fmax(q + move, low), high)
         outputs = [casadi.densify(moved), casadi.densify(squares)]
         return casadi.Function("ik_step", [q, target], outputs, {"cse": True})
+
+    def within(self, q: Array) -> Array:
+        """Clamp configurations (d, n) to the limits."""
+        return np.minimum(np.maximum(q, self._lower[:, None]), self._upper[:, None])
 
 
 def _log(rotation: Any) -> Any:

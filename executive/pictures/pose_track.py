@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planlang.geometry import Array, Pose
-from planlang.geometry.matrices import rotated
-from planlang.geometry.urdf import read_urdf
+from planlang.geometry.matrices import product
+from planlang.geometry.urdf import Joint, displacement, read_urdf
 from planlang.records import dataclass
 from sim.robot import Robot
 from sim.truth import Truth
@@ -100,74 +100,41 @@ class PoseTrack:
         yield from self._links.moved(now.base, now.joints)
 
 
-@dataclass(frozen=True, slots=True)
-class _MovedLink:
-    """A link that a joint moves: its pose at joint value zero, and the joint's kinematics."""
-
-    link: Placed
-    axis: tuple[float, float, float]
-    """Unit vector in the frame of the link."""
-    slides: bool
-    multiplier: float = 1.0
-    offset: float = 0.0
-    """Of a mimic joint: its value is ``multiplier * value + offset`` of the joint that it mimics."""
-
-    def at(self, value: float) -> Placed:
-        """Pose of the link at a joint value [rad or m]."""
-        value = self.multiplier * value + self.offset
-        zero, (a, b, c) = self.link.pose, self.axis
-        assert zero is not None
-        if self.slides:
-            shift = rotated(zero.rotation, value * np.array(self.axis)).tolist()
-            x, y, z = (one + by for one, by in zip(zero.position, shift, strict=True))
-            return Placed(self.link.path, self.link.frame, Pose((x, y, z), zero.orientation))
-        sine, w = math.sin(value / 2), math.cos(value / 2)  # quaternion product of zero and the rotation
-        x, y, z = a * sine, b * sine, c * sine
-        i, j, k, r = zero.orientation
-        turned = (
-            r * x + i * w + j * z - k * y,
-            r * y - i * z + j * w + k * x,
-            r * z + i * y - j * x + k * w,
-            r * w - i * x - j * y - k * z,
-        )
-        return Placed(self.link.path, self.link.frame, Pose(zero.position, turned))
-
-
 class _Links:
     """Poses of a robot's links in the frames of their parent links, computed from joint values."""
 
     def __init__(self, robot: Robot) -> None:
-        names, joints = robot.link_names, read_urdf(robot.body.urdf).joints
-        self._root, self._base = ("robot", names[-1]), (math.nan, 0.0, 0.0)
+        self._root, self._base = ("robot", robot.link_names[-1]), (math.nan, 0.0, 0.0)
         self._joints: dict[str, float] = {}
-        self._moved_by: dict[str, list[_MovedLink]] = {name: [] for name in robot.joints}
-        """Links that a joint moves, directly or through joints that mimic it."""
+        self._moved_by: dict[str, list[tuple[Joint, float, float]]] = {name: [] for name in robot.joints}
+        """Joints that a joint moves: itself and those that mimic it, each with multiplier and offset of its value."""
         masters = {name: (name, 1.0, 0.0) for name in robot.joints}
         for name, followers in robot.followers.items():
             masters |= {one.joint: (name, one.multiplier, one.offset) for _, one in followers}
         self.fixed: list[Placed] = []
         """Links that no joint moves."""
-        for joint in joints:
-            link = Placed(("robot", joint.child), ("robot", joint.parent), Pose.from_matrix(joint.origin))
+        for joint in read_urdf(robot.body.urdf).joints:
             if joint.name in masters:
                 master, multiplier, offset = masters[joint.name]
-                a, b, c = joint.axis.tolist()
-                self._moved_by[master].append(
-                    _MovedLink(link, (a, b, c), joint.kind == "prismatic", multiplier, offset)
-                )
+                self._moved_by[master].append((joint, multiplier, offset))
             else:
-                self.fixed.append(link)
+                self.fixed.append(_placed(joint, joint.origin))
 
     def moved(self, base: tuple[float, float, float], joints: Mapping[str, float]) -> Iterator[Placed]:
         """Yield the links that moved since the last call; the first call yields all movable links."""
         if base != self._base:
             self._base = base
             yield Placed(self._root, MAP, Pose.planar(*base))
-        for joint, value in joints.items():
-            if self._joints.get(joint) != value:
-                self._joints[joint] = value
-                for link in self._moved_by[joint]:
-                    yield link.at(value)
+        for name, value in joints.items():
+            if self._joints.get(name) != value:
+                self._joints[name] = value
+                for joint, multiplier, offset in self._moved_by[name]:
+                    yield _placed(joint, product(joint.origin, displacement(joint, multiplier * value + offset)))
+
+
+def _placed(joint: Joint, pose: Array) -> Placed:
+    """The child of a joint at a pose (4, 4) in the frame of its parent."""
+    return Placed(("robot", joint.child), ("robot", joint.parent), Pose.from_matrix(pose))
 
 
 @dataclass(slots=True)

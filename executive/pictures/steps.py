@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
 
 from PIL import Image
 
 from planlang.designators import snake_case
 from planlang.records import dataclass
+from planlang.runs.run_tree import RunTree, TaskNode
 from planlang.sheets import FAINT, FINE, INK, Colour, Sheet, wrapped
 
 DONE: Colour = (40, 140, 80)
@@ -24,52 +24,35 @@ DEEPEST = 4
 """Largest indentation [levels]."""
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Step:
-    """An action of the plan, with begin and end [world steps], final status, and class of its failure."""
+    """An action of the plan, and how many others it is in."""
 
-    name: str
+    node: TaskNode
     depth: int
-    begin: int
-    end: int | None = None
-    status: str = ""
-    failure: str = ""
+
+    @property
+    def begin(self) -> int:
+        """When it begins [world steps]."""
+        return self.node.begun or 0
 
     def state(self, now: int) -> str:
         """State at a world step: "coming", "running", or the final status."""
         if now < self.begin:
             return "coming"
-        return "running" if self.end is None or now < self.end else self.status
+        return "running" if self.node.ended is None or now < self.node.ended else self.node.status
 
 
-class Steps:
-    """Collects the actions of a run from its trace."""
-
-    def __init__(self) -> None:
-        self.all: list[Step] = []
-        self._by_node: dict[int, Step] = {}
-        self._above: dict[int, int | None] = {}
-
-    def hear(self, record: Mapping[str, Any]) -> None:
-        """Process a record of the trace."""
-        match record:
-            case {"event": "started", "node": int(node), "step": int(step)}:
-                self._above[node] = record.get("parent")
-                if record.get("kind") == "perform":
-                    action = Step(in_words(str(record["name"])), self._depth(node), step)
-                    self._by_node[node] = action
-                    self.all.append(action)
-            case {"event": "ended", "node": int(node), "step": int(step)} if node in self._by_node:
-                ended = self._by_node[node]
-                ended.end, ended.status = step, str(record.get("status", ""))
-                ended.failure = str((record.get("failure") or {}).get("type", ""))
-
-    def _depth(self, node: int) -> int:
-        depth, above = 0, self._above[node]
-        while above is not None:
-            depth += above in self._by_node
-            above = self._above.get(above)
-        return min(depth, DEEPEST)
+def steps_in(tree: RunTree) -> list[Step]:
+    """Actions of a plan that have begun, without those that process modules perform inside others."""
+    depths: dict[TaskNode | None, int] = {None: 0}
+    steps = []
+    for node in tree.numbered.values():
+        is_step = node.kind == "perform" and node.begun is not None and not node.inner
+        if is_step:
+            steps.append(Step(node, min(depths[node.parent], DEEPEST)))
+        depths[node] = depths[node.parent] + is_step
+    return steps
 
 
 def in_words(name: str) -> str:
@@ -79,7 +62,7 @@ def in_words(name: str) -> str:
 
 
 def column(
-    steps: list[Step], now: int, size: tuple[int, int], title: str, time: str, ending: Sequence[str] = ()
+    steps: Sequence[Step], now: int, size: tuple[int, int], title: str, time: str, ending: Sequence[str] = ()
 ) -> Sheet:
     """Draw the steps with their states after ``now`` world steps; if not all fit, those around the latest one.
 
@@ -132,8 +115,9 @@ def _left(step: Step) -> int:
 
 def _words(step: Step, now: int, width: int) -> list[str]:
     """Lines about a step: its name, and its failure if it has failed."""
-    is_failed = step.state(now) == "failed" and step.failure
-    text = f"{step.name}: {in_words(step.failure).lower()}" if is_failed else step.name
+    text = in_words(step.node.name)
+    if step.state(now) == "failed" and step.node.failure is not None:
+        text = f"{text}: {in_words(step.node.failure['type']).lower()}"
     return wrapped(text, TEXT, width * FINE - _left(step) - 24 - 10 * FINE)
 
 

@@ -12,11 +12,12 @@ from PIL import Image
 from executive.pictures.rendering import View
 from executive.pictures.scene_picture import render_poses, stated_view
 from executive.pictures.stage import Path, Stage, ends_of
-from executive.pictures.steps import Steps, column
+from executive.pictures.steps import column, steps_in
 from executive.pictures.viewpoints import Moment, best_direction, fitting, moment_of, overview, subjects
 from planlang.geometry import Array, Pose
 from planlang.outputs import MARK
 from planlang.progress import Report, unreported
+from planlang.runs.run_tree import RunTree
 
 if TYPE_CHECKING:
     from sim.truth import Truth
@@ -42,15 +43,14 @@ QUALITY = 62
 
 
 class Video:
-    """Video of one run; its samples are kept in memory until :meth:`save`."""
+    """Video of one run, whose steps are in ``tree``; its samples are kept in memory until :meth:`save`."""
 
-    def __init__(self, world: Truth, rate: int, title: str, view: str | None = None) -> None:
-        self._stage, self._rate, self._title, self._view = Stage(world), rate, title, view
+    def __init__(self, world: Truth, rate: int, title: str, tree: RunTree, view: str | None = None) -> None:
+        self._stage, self._rate, self._title, self._tree, self._view = Stage(world), rate, title, tree, view
         self._every = rate // KEPT
         self._kept: list[tuple[int, dict[Path, Pose]]] = []
         """Samples: world step, and the poses of all entities after it."""
         self._last = 0
-        self.steps = Steps()
 
     def frame(self, step: int) -> None:
         """Take a sample after ``step`` world steps, if one is due."""
@@ -91,7 +91,7 @@ class Video:
         image = Image.new("RGB", (SIZE[0] + COLUMN, SIZE[1]), "white")
         image.paste(Image.fromarray(render_poses(self._stage, poses, view, SIZE)), (0, 0))
         size, time = (COLUMN, SIZE[1]), f"{step / self._rate:.1f} s"
-        image.paste(column(self.steps.all, step, size, self._title, time, ending).finished(), (SIZE[0], 0))
+        image.paste(column(steps_in(self._tree), step, size, self._title, time, ending).finished(), (SIZE[0], 0))
         return image
 
     def _views(self, moments: Sequence[Mapping[Path, Pose]], names: Collection[str]) -> list[View]:

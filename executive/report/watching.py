@@ -21,8 +21,9 @@ from executive.belief import Belief
 from executive.locations.rejections import MOST_PLACES, Rejections
 from executive.pictures import viewpoints
 from executive.pictures.drawn import HERE, Drawn, Mesh, Shape, drawn_in
-from executive.pictures.floor_plan import Outline, colours, outlines
+from executive.pictures.floor_plan import colours
 from executive.pictures.pose_track import RATE, Placed
+from executive.pictures.scenery import Outline, outlines
 from planlang.designators import Location
 from planlang.geometry import Array, Pose
 from planlang.records import dataclass

@@ -5,13 +5,14 @@ from __future__ import annotations
 import base64
 import io
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 from html import escape
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from executive.pictures.scenery import Resolution, Scenery
 from executive.runs.failure import Failure
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.notebooks import table
@@ -23,6 +24,9 @@ from planlang.words import Option, Text
 
 if TYPE_CHECKING:
     from planlang.sheets import Sheet
+
+Drawn = tuple[Scenery, Resolution]
+"""A room, and the candidates in it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,8 +110,8 @@ class Located:
     """True if the robot lacks the required part; then nothing was searched."""
     units: tuple[str, ...] = ()
     """Units of numbers in ``str()``, if other than m and rad."""
-    draw: Callable[[], Sheet] | None = field(default=None, repr=False, compare=False)
-    """Draws the candidates; None if no poses were searched."""
+    drawn: Drawn | None = field(default=None, repr=False, compare=False)
+    """What a picture of the candidates shows; None if no poses were searched."""
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -159,27 +163,33 @@ class Located:
 
         ``force`` overwrites a file that planlang did not write. Raises BadInput if the file cannot be written.
         """
-        if self.draw is None:
+        if self.drawn is None:
             raise BadInput([error("C041", "nothing to draw: no poses were searched", help=str(self))])
         target = Path(path)
         problems = check_outputs({"picture": target}, {}, formats={"picture": PNG_OR_SVG}, force=force)
         if problems:
             raise BadInput(problems)
-        write_complete(target, self.draw().save)
+        write_complete(target, _sheet(*self.drawn).save)
         return target
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
         """Picture and table of the poses, for notebooks."""
         bundle = {"text/plain": str(self)}
-        if self.draw is not None:
+        if self.drawn is not None:
             content = io.BytesIO()
-            self.draw().finished().save(content, format="PNG")
+            _sheet(*self.drawn).finished().save(content, format="PNG")
             picture = base64.b64encode(content.getvalue()).decode("ascii")
             rows = [[_rounded(value) for value in row.values()] for row in self.rows]
             poses = table([*self.rows[0]], rows) if rows else ""
             attributes = f'alt="{escape(self.phrase)}" style="max-width: 100%"'
             bundle["text/html"] = f'{poses}<img {attributes} src="data:image/png;base64,{picture}">'
         return bundle
+
+
+def _sheet(scenery: Scenery, resolution: Resolution) -> Sheet:
+    from executive.pictures.floor_plan import picture  # Pillow is slow to import, and most searches are not drawn
+
+    return picture(scenery, resolution)
 
 
 def _rounded(value: object) -> object:

@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import field, replace
-from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from executive.belief.scene_collisions import BasePose
 from executive.locations import Rejections
-from executive.locations.consistency import LocationMeaningless
-from executive.locations.demands import base_demand, sides, thing_demand, viewpoint, without_unused
+from executive.locations.demands import LocationMeaningless, base_demand, sides, thing_demand, viewpoint, without_unused
 from executive.maps import read_map, scene_of
 from executive.modules.platform import Platform
 from executive.options.declaring import outputs_of
 from executive.options.running import LocateOptions
 from executive.options.values import names, planar
-from executive.pictures.floor_plan import Resolution, picture, scenery_of
+from executive.pictures.scenery import Resolution, scenery_of
 from executive.robots import bind_robot
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import platform_of, world_at_start
 from executive.runs.failure import Failure
 from executive.runs.files import check_files, chosen, environments, refuse
-from executive.runs.located import FoundPose, Located, Shown
+from executive.runs.located import Drawn, FoundPose, Located, Shown
 from executive.runs.phrases import lexicon_of
 from planlang.designators import Location, Object, Relation
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
@@ -39,7 +37,6 @@ from planlang.phrases.lexicon import GRASP_FORMS
 from planlang.progress import Report, Waiting, unreported, unwatched
 from planlang.records import dataclass
 from planlang.relations import RELATIONS
-from planlang.sheets import Sheet
 from planlang.words import Blank, Option, Text, joined
 from sim import PyBulletWorld
 
@@ -77,7 +74,7 @@ def locate(options: LocateOptions, *, long_work: Report = unreported, waiting: W
     Raises BadInput for invalid input.
     """
     found = _located(options, long_work, waiting)
-    if options.explain is not None and found.draw is not None:
+    if options.explain is not None and found.drawn is not None:
         found.picture(options.explain, force=True)
     return found
 
@@ -107,7 +104,7 @@ def _located(options: LocateOptions, long_work: Report, waiting: Waiting) -> Loc
         try:
             question = _Question(location, what, lexicon, platform, meant, diagnostics)
             located, log = _resolved(question, options, waiting)
-            return replace(located, draw=_drawing(located, log, question, options))
+            return replace(located, drawn=_drawn(located, log, question, options))
         except LocationMeaningless as problem:
             raise BadInput([*diagnostics, *_of_no_place(problem, location, what, lexicon)]) from None
         except MissingCapability as problem:
@@ -170,7 +167,8 @@ def _resolved(question: _Question, options: LocateOptions, waiting: Waiting) -> 
     return located, log
 
 
-def _drawing(located: Located, log: Rejections, question: _Question, options: LocateOptions) -> Callable[[], Sheet]:
+def _drawn(located: Located, log: Rejections, question: _Question, options: LocateOptions) -> Drawn:
+    """What a drawing of the candidates shows: the room as it is now, and what was found in it."""
     refused = [*log.refused, *((reason, hands) for reason, hands in log.hands if reason)]
     why = "" if located.failure is None else located.failure.message.partition(" (")[0]  # counts are listed
     resolution = Resolution(
@@ -185,8 +183,7 @@ def _drawing(located: Located, log: Rejections, question: _Question, options: Lo
         why,
     )
     scene = question.platform.scene
-    scenery = scenery_of(scene, question.location, question.meant.values(), question.body)
-    return partial(picture, scenery, resolution)
+    return scenery_of(scene, question.location, question.meant.values(), question.body), resolution
 
 
 def _meant(

@@ -24,7 +24,7 @@ from executive.runs.options import Tilts, state_lines
 from executive.runs.parameters import Bound
 from executive.runs.pose_log import PoseLog
 from executive.runs.prepared import RunFiles
-from executive.runs.traces import lines_of, steps_of
+from executive.runs.traces import lines_of
 from executive.runs.written import Written, bodies_of
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.failures import PlanFailure
@@ -72,8 +72,7 @@ class Outputs(Written):
         if options.picture is not None:
             self._files.append((options.picture, partial(self._save_picture, bound, title)))
         if options.video is not None:
-            video = Video(truth, truth.rate, title, options.view)
-            self.listeners.append(steps_of(video.steps.hear))
+            video = Video(truth, truth.rate, title, told.tree, options.view)
             self.watchers.append(lambda world: video.frame(world.steps))
             self._files.append((options.video, partial(self._save_video, bound, video)))
         if options.record is not None:

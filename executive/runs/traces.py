@@ -46,17 +46,6 @@ def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Listene
     return listen
 
 
-def steps_of(hear: Callable[[Mapping[str, Any]], None]) -> Listener:
-    """Make a listener that passes on records, except of actions inside others."""
-
-    def listen(record: Mapping[str, Any], node: Node | None) -> None:
-        is_span = record["event"] in SPANS and record["kind"] == "perform"
-        if not (is_span and node is not None and is_inner(node)):
-            hear(record)
-
-    return listen
-
-
 def line_of(record: Mapping[str, Any]) -> str | None:
     """Line about a record, for people; None if it does not interest them."""
     match record:

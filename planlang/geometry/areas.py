@@ -85,9 +85,9 @@ class Block:
         return np.asarray(local @ np.array([[c, s], [-s, c]]) + np.array([self.x, self.y]))
 
     def to_local(self, points: Array) -> Array:
-        """Transform points (n, 2) from the map to the rectangle's frame."""
+        """Transform points (n, 2 or more) from the map to the rectangle's frame, (n, 2)."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
-        return np.asarray((points - np.array([self.x, self.y])) @ np.array([[c, -s], [s, c]]))
+        return np.asarray((points[:, :2] - np.array([self.x, self.y])) @ np.array([[c, -s], [s, c]]))
 
     def distance(self, points: Array) -> Array:
         """Compute the horizontal distances (n,) of map points (n, 2) from the outline, 0 inside [m]."""
@@ -187,7 +187,7 @@ class Area:
     negated: bool = False
 
     def score(self, points: Array) -> Array:
-        """Rate points (n, 2), (n,) in [0, 1]; 0 exactly if they are outside the area."""
+        """Rate points (n, 2 or more), (n,) in [0, 1]; 0 exactly if they are outside the area."""
         if self.negated:
             return np.asarray(~self._inside(points), float)
         return np.where(self._inside(points), self._preference(points), 0.0)
@@ -266,7 +266,8 @@ class Strip:
     """No side of either is meant."""
 
     def score(self, points: Array) -> Array:
-        """Rate points (n, 2), (n,) in [0, 1]: best in the middle; 0 exactly if they are outside the strip."""
+        """Rate points (n, 2 or more), (n,) in [0, 1]: best in the middle; 0 exactly if they are outside the strip."""
+        points = points[:, :2]
         gaps = self.block.distance(points), self.other.distance(points)
         inside = (self._beyond(points) <= HAIR) & (gaps[0] > 0) & (gaps[1] > 0)
         if self.negated:
@@ -356,7 +357,7 @@ class Clear:
     negated: bool = False
 
     def score(self, points: Array) -> Array:
-        """Rate points (n, 2), (n,): 1 where they are clear, slightly less close to the border, else 0."""
+        """Rate points (n, 2 or more), (n,): 1 where they are clear, slightly less close to the border, else 0."""
         gap = self._gap(points)
         if self.negated:
             return np.asarray(gap <= 0, float)

@@ -8,66 +8,42 @@ recorded). ``core`` is what the rest shares: tasks, the state of a run, how a ta
 ``runner`` begins and ends a run, and sees to the process around it.
 """
 
-from planlang.kernel.cancel import checkpoint, shield
-from planlang.kernel.core import Scheduler, Task
-from planlang.kernel.errors import (
-    CleanupOverrun,
-    CutShort,
-    DeadlockError,
-    Evaporated,
-    NoProgress,
-    PlanStructureError,
-    RunError,
-    StepLimit,
-    StuckTask,
-)
-from planlang.kernel.fluent import Fluent, WorldFluent, wait_for
-from planlang.kernel.hosts import Host, LiveHost, RealTimeHost, SimulationHost, Source, VirtualHost
-from planlang.kernel.primitives import node, now, record, rng, sleep
-from planlang.kernel.runner import run_plan, unwatched
-from planlang.kernel.scope import All, Scope, failure_of
-from planlang.kernel.signals import Signal
-from planlang.kernel.threads import compute_in_thread, in_thread, still_computing
-from planlang.kernel.tree import Observer, Recorded, Status
-
-__all__ = [
-    "All",
-    "CleanupOverrun",
-    "CutShort",
-    "DeadlockError",
-    "Evaporated",
-    "Fluent",
-    "Host",
-    "LiveHost",
-    "NoProgress",
-    "Observer",
-    "PlanStructureError",
-    "RealTimeHost",
-    "Recorded",
-    "RunError",
-    "Scheduler",
-    "Scope",
-    "Signal",
-    "SimulationHost",
-    "Source",
-    "Status",
-    "StepLimit",
-    "StuckTask",
-    "Task",
-    "VirtualHost",
-    "WorldFluent",
-    "checkpoint",
-    "compute_in_thread",
-    "failure_of",
-    "in_thread",
-    "node",
-    "now",
-    "record",
-    "rng",
-    "run_plan",
-    "shield",
-    "sleep",
-    "still_computing",
-    "unwatched",
-    "wait_for",
-]
+from planlang.kernel.cancel import checkpoint as checkpoint
+from planlang.kernel.cancel import shield as shield
+from planlang.kernel.core import Scheduler as Scheduler
+from planlang.kernel.core import Task as Task
+from planlang.kernel.errors import CleanupOverrun as CleanupOverrun
+from planlang.kernel.errors import CutShort as CutShort
+from planlang.kernel.errors import DeadlockError as DeadlockError
+from planlang.kernel.errors import Evaporated as Evaporated
+from planlang.kernel.errors import NoProgress as NoProgress
+from planlang.kernel.errors import PlanStructureError as PlanStructureError
+from planlang.kernel.errors import RunError as RunError
+from planlang.kernel.errors import StepLimit as StepLimit
+from planlang.kernel.errors import StuckTask as StuckTask
+from planlang.kernel.fluent import Fluent as Fluent
+from planlang.kernel.fluent import WorldFluent as WorldFluent
+from planlang.kernel.fluent import wait_for as wait_for
+from planlang.kernel.hosts import Host as Host
+from planlang.kernel.hosts import LiveHost as LiveHost
+from planlang.kernel.hosts import RealTimeHost as RealTimeHost
+from planlang.kernel.hosts import SimulationHost as SimulationHost
+from planlang.kernel.hosts import Source as Source
+from planlang.kernel.hosts import VirtualHost as VirtualHost
+from planlang.kernel.primitives import node as node
+from planlang.kernel.primitives import now as now
+from planlang.kernel.primitives import record as record
+from planlang.kernel.primitives import rng as rng
+from planlang.kernel.primitives import sleep as sleep
+from planlang.kernel.runner import run_plan as run_plan
+from planlang.kernel.runner import unwatched as unwatched
+from planlang.kernel.scope import All as All
+from planlang.kernel.scope import Scope as Scope
+from planlang.kernel.scope import failure_of as failure_of
+from planlang.kernel.signals import Signal as Signal
+from planlang.kernel.threads import compute_in_thread as compute_in_thread
+from planlang.kernel.threads import in_thread as in_thread
+from planlang.kernel.threads import still_computing as still_computing
+from planlang.kernel.tree import Observer as Observer
+from planlang.kernel.tree import Recorded as Recorded
+from planlang.kernel.tree import Status as Status

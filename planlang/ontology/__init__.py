@@ -12,19 +12,13 @@ RDF/XML; ``canonical`` sorts triples independently of blank-node labels, and sho
 Pellet. Nothing is ever fetched from the network.
 """
 
-from planlang.ontology.classes import Restriction
-from planlang.ontology.ontology import Ontology, load, load_apart
-from planlang.ontology.terms import BNode, Literal, Term, Triple, expand, shorten
-
-__all__ = [
-    "BNode",
-    "Literal",
-    "Ontology",
-    "Restriction",
-    "Term",
-    "Triple",
-    "expand",
-    "load",
-    "load_apart",
-    "shorten",
-]
+from planlang.ontology.classes import Restriction as Restriction
+from planlang.ontology.ontology import Ontology as Ontology
+from planlang.ontology.ontology import load as load
+from planlang.ontology.ontology import load_apart as load_apart
+from planlang.ontology.terms import BNode as BNode
+from planlang.ontology.terms import Literal as Literal
+from planlang.ontology.terms import Term as Term
+from planlang.ontology.terms import Triple as Triple
+from planlang.ontology.terms import expand as expand
+from planlang.ontology.terms import shorten as shorten

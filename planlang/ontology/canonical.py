@@ -6,8 +6,11 @@ import hashlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import Enum
+from typing import TypeVar
 
 from planlang.ontology.terms import OWL, PREFIXES, RDF, XSD, BNode, Literal, Term, Triple
+
+T = TypeVar("T")
 
 AXIOM = OWL.Axiom
 ANNOTATION = OWL.Annotation
@@ -82,7 +85,7 @@ class Graph:
         """Mark triples as written."""
         self.written.update(dict.fromkeys(triples))
 
-    def attempt(self, triple: Triple, write: Callable[[], list[str]]) -> list[str]:
+    def attempt(self, triple: Triple, write: Callable[[], list[T]]) -> list[T]:
         """Texts of what a triple states, which marks it as written; nothing if the syntax cannot express it."""
         before = len(self.written)
         try:

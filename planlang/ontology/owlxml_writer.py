@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
 from xml.sax.saxutils import escape, quoteattr
 
-from lark import Token
-
-from planlang.ontology.axioms import unquoted
 from planlang.ontology.canonical import Sorting
-from planlang.ontology.functional import GRAMMAR, literal_of
-from planlang.ontology.functional_writer import functional
+from planlang.ontology.functional_writer import Word, document_of
 from planlang.ontology.nested_writers import is_legal
 from planlang.ontology.structures import AXIOMS, ENTITIES, EXPRESSIONS, fitted
-from planlang.ontology.terms import OWL, XSD, BNode, Literal, Triple
+from planlang.ontology.terms import OWL, BNode, Literal, Term, Triple
 
 _OF_KIND = {"class": "Class", "range": "Datatype", "property": "ObjectProperty", "chain": "ObjectProperty",
             "individual": "NamedIndividual", "value": "IRI"}  # fmt: skip
@@ -32,127 +27,58 @@ def owlxml(
     Equal graphs give equal texts if sorted. In the order of the file, unused prefixes are kept, too.
     """
     given = list(triples)
-    text, lost = functional([triple for triple in given if is_legal(triple)], prefixes, order=order)
-    writer = _Writer()
-    GRAMMAR.parse(text, writer)
-    return writer.text(), [*(triple for triple in given if not is_legal(triple)), *lost]
+    document = document_of([triple for triple in given if is_legal(triple)], prefixes, order=order)
+    attributes = zip(("xmlns", "ontologyIRI", "versionIRI"), (str(OWL), *document.names), strict=False)
+    head = "".join(f"\n    {name}={quoteattr(value)}" for name, value in attributes)
+    lines = [f"  <Prefix name={quoteattr(name)} IRI={quoteattr(iri)}/>\n" for name, iri in document.prefixes]
+    lines += (line for word in (*document.header, *document.axioms) for line in _element(word, "  "))
+    text = f'<?xml version="1.0" encoding="UTF-8"?>\n<Ontology{head}>\n{"".join(lines)}</Ontology>\n'
+    return text, [*(triple for triple in given if not is_legal(triple)), *document.lost]
 
 
-class _Word(NamedTuple):
-    """A word with its parts: names, nodes, literals and words."""
-
-    word: str
-    parts: list[Any]
-
-
-class _Writer:
-    """Callbacks of the grammar of functional syntax."""
-
-    def __init__(self) -> None:
-        self._prefixes: dict[str, str] = {}
-        self._names: list[str] = []
-        self._lines: list[str] = []
-
-    def text(self) -> str:
-        attributes = zip(("xmlns", "ontologyIRI", "versionIRI"), (str(OWL), *self._names), strict=False)
-        head = "".join(f"\n    {name}={quoteattr(value)}" for name, value in attributes)
-        known = "".join(
-            f"  <Prefix name={quoteattr(name)} IRI={quoteattr(iri)}/>\n" for name, iri in self._prefixes.items()
-        )
-        return f'<?xml version="1.0" encoding="UTF-8"?>\n<Ontology{head}>\n{known}{"".join(self._lines)}</Ontology>\n'
-
-    # called by the parser
-
-    def count(self, token: Token) -> Token:
-        return token
-
-    def iri(self, children: list[Token]) -> str:
-        (token,) = children
-        if token.startswith("<"):
-            return token[1:-1]
-        prefix, _, local = token.partition(":")
-        return self._prefixes[prefix] + local
-
-    def node(self, children: list[Token]) -> BNode:
-        return BNode(str(children[0]))
-
-    def number(self, children: list[Token]) -> Literal:
-        return Literal(str(children[0]), XSD.nonNegativeInteger)
-
-    def plain_literal(self, children: list[Token]) -> Literal:
-        return Literal(unquoted(children[0]))
-
-    def language_literal(self, children: list[Token]) -> Literal:
-        return Literal(unquoted(children[0]), None, str(children[1])[1:])
-
-    def typed_literal(self, children: list[Any]) -> Literal:
-        return literal_of(unquoted(children[0]), children[1])
-
-    def prefix(self, children: list[Token]) -> None:
-        self._prefixes[children[0][:-1]] = children[1][1:-1]
-
-    def head(self, children: list[Any]) -> None:
-        self._names = children[1:]
-
-    def element(self, children: list[Any]) -> _Word:
-        return _Word(children[0][:-1].rstrip(), children[1:-1])
-
-    def part(self, children: list[Any]) -> None:
-        self._lines += _element(children[0], "  ")
-
-    def end(self, children: list[Token]) -> None:
-        pass
-
-    def start(self, children: list[Any]) -> None:
-        pass
+def _element(one: Word, pad: str) -> Iterator[str]:
+    match one:
+        case Word("Import", (str(iri),)):
+            yield f"{pad}<Import>{escape(iri)}</Import>\n"
+        case Word(word, (str(iri),)) if word in ENTITIES:
+            yield f"{pad}<{word} IRI={quoteattr(iri)}/>\n"
+        case Word(word, (Literal(number), *parts)) if word.endswith("Cardinality"):
+            yield f'{pad}<{word} cardinality="{number}">\n'
+            yield from _parts(word, parts, f"{pad}  ")
+            yield f"{pad}</{word}>\n"
+        case Word(word, parts):
+            notes = [part for part in parts if isinstance(part, Word) and part.word == "Annotation"]
+            yield f"{pad}<{word}>\n"
+            for note in notes:
+                yield from _element(note, f"{pad}  ")
+            yield from _parts(word, parts[len(notes) :], f"{pad}  ")
+            yield f"{pad}</{word}>\n"
 
 
-def _element(one: _Word, pad: str) -> Iterator[str]:
-    word, parts = one
-    if word == "Import":
-        yield f"{pad}<Import>{escape(parts[0])}</Import>\n"
-        return
-    if word in ENTITIES:
-        yield f"{pad}<{word} IRI={quoteattr(parts[0])}/>\n"
-        return
-    number = ""
-    if word.endswith("Cardinality"):
-        number, parts = f' cardinality="{parts[0].value}"', parts[1:]
-    notes = [part for part in parts if _is_note(part)]
-    rest = [part for part in parts if not _is_note(part)]
-    yield f"{pad}<{word}{number}>\n"
-    for part in notes:
-        yield from _element(part, f"{pad}  ")
-    yield from _parts(word, rest, f"{pad}  ")
-    yield f"{pad}</{word}>\n"
+def _parts(word: str, parts: Sequence[Term | Word], pad: str) -> Iterator[str]:
+    match word, parts:
+        case "HasKey", (first, Word(parts=of_objects), Word(parts=of_data)):
+            yield from _part(first, "Class", pad)
+            for kind, group in (("ObjectProperty", of_objects), ("DataProperty", of_data)):
+                for part in group:
+                    yield from _part(part, kind, pad)
+        case "DatatypeRestriction", (base, *facets):
+            yield from _part(base, "Datatype", pad)
+            for facet, value in zip(facets[::2], facets[1::2], strict=True):
+                yield f"{pad}<FacetRestriction facet={quoteattr(str(facet))}>\n"
+                yield from _part(value, "", f"{pad}  ")
+                yield f"{pad}</FacetRestriction>\n"
+        case _:
+            for part, kind in zip(parts, _elements_of_names(word, len(parts)), strict=True):
+                yield from _part(part, kind, pad)
 
 
-def _is_note(part: Any) -> bool:
-    return isinstance(part, _Word) and part.word == "Annotation"
-
-
-def _parts(word: str, parts: Sequence[Any], pad: str) -> Iterator[str]:
-    if word == "HasKey":  # the properties of objects, then those of data, each in parentheses
-        groups = [("Class", parts[:1]), ("ObjectProperty", parts[1].parts), ("DataProperty", parts[2].parts)]
-        named = [(part, kind) for kind, group in groups for part in group]
-    elif word == "DatatypeRestriction":
-        named = [(parts[0], "Datatype")]
-    else:
-        named = list(zip(parts, _elements_of_names(word, len(parts)), strict=True))
-    for part, kind in named:
-        yield from _part(part, kind, pad)
-    for facet, value in zip(parts[1::2], parts[2::2], strict=True) if word == "DatatypeRestriction" else ():
-        yield f"{pad}<FacetRestriction facet={quoteattr(facet)}>\n"
-        yield from _part(value, "", f"{pad}  ")
-        yield f"{pad}</FacetRestriction>\n"
-
-
-def _part(part: Any, kind: str, pad: str) -> Iterator[str]:
+def _part(part: Term | Word, kind: str, pad: str) -> Iterator[str]:
     match part:
-        case _Word():
+        case Word():
             yield from _element(part, pad)
         case BNode(label):
-            yield f"{pad}<AnonymousIndividual nodeID={quoteattr(label)}/>\n"
+            yield f"{pad}<AnonymousIndividual nodeID={quoteattr(f'_:{label}')}/>\n"
         case Literal(value, datatype, language):
             of = f" xml:lang={quoteattr(language)}" if language else ""
             of = f" datatypeIRI={quoteattr(datatype)}" if datatype else of

@@ -342,19 +342,15 @@ def _knowrob_entities() -> dict[str, list[str]]:
 
 
 def _declare(text: str, visible: str, entities: dict[str, str]) -> str:
-    offset, before, after = place_of_declarations(visible)
+    """Declare entities in the document type, on a line that is there."""
+    doctype = _DOCTYPE.search(visible)
+    if doctype is not None:
+        offset, before, after = doctype.end(), *(("", "") if doctype[1] else ("[", "]"))
+    else:
+        root = re.search(r"<[A-Za-z]", visible)
+        offset, before, after = root.start() if root else len(text), "<!DOCTYPE rdf:RDF [", "]>"
     declarations = "".join(str(Declaration(name, value)) for name, value in entities.items())
     return f"{text[:offset]}{before}{declarations}{after}{text[offset:]}"
-
-
-def place_of_declarations(text: str) -> tuple[int, str, str]:
-    """Find the offset for declarations of entities in an XML file, and the text to write before and after them."""
-    visible = _without_comments(text)
-    doctype = _DOCTYPE.search(visible)
-    if doctype is None:
-        root = re.search(r"<[A-Za-z]", visible)
-        return root.start() if root else len(text), "<!DOCTYPE rdf:RDF [", "]>"
-    return doctype.end(), *(("", "") if doctype[1] else ("[", "]"))
 
 
 def _sections(text: str) -> Iterator[tuple[int, int]]:

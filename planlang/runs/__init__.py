@@ -7,22 +7,15 @@ it), ``replay_check`` (compares a replay with a trace). They implement the Obser
 :mod:`planlang.kernel`.
 """
 
-from planlang.runs.recorded_run import DamagedTrace, Past, RecordedRun, differences, refuse_other, restore
-from planlang.runs.repeating import Repetition
-from planlang.runs.run_tree import RunTree, TaskNode
-from planlang.runs.trace import Different, Trace, with_paths
-
-__all__ = [
-    "DamagedTrace",
-    "Different",
-    "Past",
-    "RecordedRun",
-    "Repetition",
-    "RunTree",
-    "TaskNode",
-    "Trace",
-    "differences",
-    "refuse_other",
-    "restore",
-    "with_paths",
-]
+from planlang.runs.recorded_run import DamagedTrace as DamagedTrace
+from planlang.runs.recorded_run import Past as Past
+from planlang.runs.recorded_run import RecordedRun as RecordedRun
+from planlang.runs.recorded_run import differences as differences
+from planlang.runs.recorded_run import refuse_other as refuse_other
+from planlang.runs.recorded_run import restore as restore
+from planlang.runs.repeating import Repetition as Repetition
+from planlang.runs.run_tree import RunTree as RunTree
+from planlang.runs.run_tree import TaskNode as TaskNode
+from planlang.runs.trace import Different as Different
+from planlang.runs.trace import Trace as Trace
+from planlang.runs.trace import with_paths as with_paths

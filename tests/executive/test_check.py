@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner, Result
 from dropped_orders import twelve_steps, without
-from typer.testing import CliRunner, Result
 
 from executive.cli import app as cli
 from executive.cli.app import app

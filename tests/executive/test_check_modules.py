@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 from loaded_plans import loaded
-from typer.testing import CliRunner
 
 from executive.cli.app import app
 from executive.maps import read_map

@@ -11,9 +11,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import pytest
-import typer
-from typer.testing import CliRunner, Result
+from click.testing import CliRunner, Result
 
 from executive.cli import app as cli
 from executive.cli import console
@@ -132,7 +132,7 @@ def test_a_disk_that_is_full_is_told_and_no_internal_error(capsys: pytest.Captur
     def work() -> Answer:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    with pytest.raises(typer.Exit):
+    with pytest.raises(click.exceptions.Exit):
         console.answer("run", work, as_json=True)
     told = json.loads(capsys.readouterr().out)
     assert (told["exit_code"], [one["code"] for one in told["diagnostics"]]) == (2, ["C004"])
@@ -224,7 +224,7 @@ def test_diagnostics_are_counted_and_keep_their_order(capsys: pytest.CaptureFixt
 
 def ended(work: object) -> int:
     """Exit code with which an answer ends the command."""
-    with pytest.raises(cli.typer.Exit) as ending:
+    with pytest.raises(click.exceptions.Exit) as ending:
         console.answer("run", work, as_json=False)  # type: ignore[arg-type]
     return ending.value.exit_code
 

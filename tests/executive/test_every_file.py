@@ -12,8 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import typer
-from typer.testing import CliRunner, Result
+from click.testing import CliRunner, Result
 
 from executive.cli.app import app
 from planlang.knowledge.sqlite_store import SqliteStore
@@ -221,7 +220,7 @@ def test_no_input_is_read_under_an_impossible_name_or_from_what_is_no_file(optio
 
 
 def test_the_tables_have_every_option_that_names_a_file() -> None:
-    commands = typer.main.get_command(app)
+    commands = app
     found = set()
     for path, command in _commands(commands, ()):
         for one in command.params:

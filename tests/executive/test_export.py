@@ -9,7 +9,7 @@ from shutil import copy
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from executive.cli.app import app
 from executive.serving.uploads import read_upload, unpacked

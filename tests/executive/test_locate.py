@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from PIL import Image
 from robot_files import cart_in
-from typer.testing import CliRunner
 
 from executive.cli.app import app
 from executive.pictures.floor_plan import OTHERS

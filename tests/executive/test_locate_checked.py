@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pybullet
 import pytest
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from executive.cli.app import app
 from planlang.files import bundled

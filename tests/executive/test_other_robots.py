@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import pybullet_data
 import pytest
+from click.testing import CliRunner, Result
 from PIL import Image
 from robot_files import BASE, PANDA_ARM, cart_in
-from typer.testing import CliRunner, Result
 
 from executive.cli.app import app
 from executive.robots import bind_robot

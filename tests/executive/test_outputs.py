@@ -8,8 +8,8 @@ import re
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner, Result
 from PIL import Image
-from typer.testing import CliRunner, Result
 
 from executive.cli import app as cli
 from planlang.outputs import PlanHeader, check_outputs, digest, header, replace, write_plan, write_text

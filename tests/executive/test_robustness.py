@@ -13,7 +13,7 @@ from threading import Timer
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner, Result
+from click.testing import CliRunner, Result
 
 from executive.cli.app import app
 from planlang.files import Bundled, bundled
@@ -142,7 +142,7 @@ def test_closed_streams_are_dev_null(tmp_path: Path) -> None:
 
 
 def test_ctrl_c_while_modules_are_imported_is_one_line(tmp_path: Path) -> None:
-    (tmp_path / "typer.py").write_text("import time\nprint('importing', flush=True)\ntime.sleep(60)\n")
+    (tmp_path / "click.py").write_text("import time\nprint('importing', flush=True)\ntime.sleep(60)\n")
     environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{CHECKOUT}"}
     command = [sys.executable, "-m", "planlang_command", "--version"]
     with subprocess.Popen(

@@ -8,7 +8,7 @@ from typing import Any
 
 import pybullet_data
 import pytest
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from executive.cli.app import app
 from tests.support.extras import HAS_PR2

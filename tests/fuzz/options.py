@@ -1,8 +1,7 @@
-"""The options of all commands, as typer knows them."""
+"""The options of all commands, as click knows them."""
 
 from __future__ import annotations
 
-from enum import Enum
 from functools import cache
 from typing import Any
 
@@ -12,7 +11,6 @@ Option = tuple[str, str, bool]
 
 @cache
 def _commands() -> dict[tuple[str, ...], list[Option]]:
-    import typer
 
     from executive.cli.app import app
 
@@ -26,15 +24,12 @@ def _commands() -> dict[tuple[str, ...], list[Option]]:
         options = [one for one in command.params if one.param_type_name == "option"]
         found[path] = [(one.opts[-1], _metavar(one), bool(one.is_flag)) for one in options]
 
-    look(typer.main.get_command(app), ())
+    look(app, ())
     return found
 
 
 def _metavar(option: Any) -> str:
-    kind = getattr(getattr(option, "type_descriptor", None), "annotation", None)
-    if isinstance(kind, type) and issubclass(kind, Enum):
-        return "|".join(str(one.value) for one in kind)
-    return str(option.metavar or "N" if kind in (int, float) else option.metavar or "")
+    return str(option.metavar or "|".join(getattr(option.type, "choices", ())))
 
 
 def options_of(words: list[str]) -> list[Option]:

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import typer
-from typer.testing import CliRunner, Result
+from click.testing import CliRunner, Result
 
 from executive.cli.app import app
 
@@ -34,5 +33,5 @@ def _names(group: Any, before: str = "") -> Iterator[str]:
             yield f"{before}{name}"
 
 
-COMMANDS = tuple(_names(typer.main.get_command(app)))
+COMMANDS = tuple(_names(app))
 """All commands, such as ``robot inspect``, in the order of the help."""

@@ -25,8 +25,7 @@ from textwrap import dedent
 from types import MappingProxyType
 from unittest.mock import patch
 
-import typer
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from executive.cli.app import app
 from executive.runs.options import RunOptions, RunResult
@@ -287,10 +286,9 @@ class PageRun:
 
 def parse(words: list[str]) -> None:
     """Raise ValueError where ``planlang`` has no such subcommand or options."""
-    group = typer.main.get_command(app)
-    context = group.make_context("planlang", [], resilient_parsing=True)
+    context = app.make_context("planlang", [], resilient_parsing=True)
     try:
-        _, command, rest = group.resolve_command(context, list(words))  # type: ignore[attr-defined]
+        _, command, rest = app.resolve_command(context, list(words))
         while hasattr(command, "commands"):
             _, command, rest = command.resolve_command(command.make_context("", [], resilient_parsing=True), rest)
         command.make_parser(command.make_context("", [], resilient_parsing=True)).parse_args(list(rest))

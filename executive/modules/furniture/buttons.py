@@ -105,5 +105,5 @@ def _otherwise(button: Control, scene: PlanningScene, reaches: Reaches) -> str:
     if abs(float(normal[2])) > UPRIGHT or support is None or bodies.is_room(support):
         return ""
 
-    changes = Changes(device, scene, Rejections(), lambda supposed, _: reaches(supposed), parts=(button.body,))
-    return changes.nearer(normal[:2] / np.linalg.norm(normal[:2])) or changes.turned() or changes.in_vain()
+    changes = Changes(device, scene, Rejections(), reaches, parts=(button.body,))
+    return changes.nearer(normal[:2] / np.linalg.norm(normal[:2])) or changes.turned()

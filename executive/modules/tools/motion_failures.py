@@ -37,5 +37,5 @@ def out_of_reach(platform: Platform, motion: GroundedMotion, does: Callable[[Pla
     name, position = first
     distance = platform.standing().distances([position[None]], motion.arms)[0]
     reason = too_far(arm, name, distance)
-    changes = Changes(name, platform.scene, Rejections(), lambda supposed, _: does(supposed))
-    return "; ".join(filter(None, (reason, changes.nearer() or changes.in_vain())))
+    nearer = Changes(name, platform.scene, Rejections(), does).nearer()
+    return "; ".join(filter(None, (reason, nearer)))

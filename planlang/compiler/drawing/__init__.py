@@ -5,20 +5,13 @@ General layout: ``task_graph`` turns checked recipes into groups of boxes and ar
 writes the file.
 """
 
-from planlang.compiler.drawing.graph_file import FORMATS, GraphDrawing, unknown_format
-from planlang.compiler.drawing.markup import dot, mermaid
-from planlang.compiler.drawing.svg import figure, svg
-from planlang.compiler.drawing.task_graph import Order, TaskGraph, task_graph
-
-__all__ = [
-    "FORMATS",
-    "GraphDrawing",
-    "Order",
-    "TaskGraph",
-    "dot",
-    "figure",
-    "mermaid",
-    "svg",
-    "task_graph",
-    "unknown_format",
-]
+from planlang.compiler.drawing.graph_file import FORMATS as FORMATS
+from planlang.compiler.drawing.graph_file import GraphDrawing as GraphDrawing
+from planlang.compiler.drawing.graph_file import unknown_format as unknown_format
+from planlang.compiler.drawing.markup import dot as dot
+from planlang.compiler.drawing.markup import mermaid as mermaid
+from planlang.compiler.drawing.svg import figure as figure
+from planlang.compiler.drawing.svg import svg as svg
+from planlang.compiler.drawing.task_graph import Order as Order
+from planlang.compiler.drawing.task_graph import TaskGraph as TaskGraph
+from planlang.compiler.drawing.task_graph import task_graph as task_graph

@@ -1,17 +1,18 @@
 """Fixes in the text of recipes: safe ones, and uncertain ones that the user has to accept.
 
-General layout: ``proposals`` derives fixes from diagnostics; ``manchester_text`` and ``xml_text`` turn them into edits
-of either syntax; ``fixing`` applies them one after the other and keeps those that help.
+General layout: ``proposals`` derives fixes from diagnostics; ``manchester_text`` turns them into edits of Manchester
+syntax; ``fixing`` applies them one after the other and keeps those that help, in a file of another syntax as if it were
+written in this one.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from planlang.diagnostics import Declaration, Span
+from planlang.diagnostics import Span
+from planlang.recipe.fixes.manchester_text import CannotEdit, Edit, ManchesterText
 from planlang.recipe.preconditions import Unmet
 from planlang.records import dataclass
 from planlang.words import Option, Text
@@ -64,18 +65,6 @@ WITHOUT = {
 """Code -> why there is no fix: the file allows several corrections, or determines none."""
 
 
-class Edit(NamedTuple):
-    """Replace the characters from ``start`` up to ``end`` (offsets) by ``text``."""
-
-    start: int
-    end: int
-    text: str
-
-
-class CannotEdit(Exception):
-    """The text has a form that the edit does not support; the message states the obstacle."""
-
-
 class Worse(CannotEdit):
     """A fix would make the recipe worse; ``advice`` is what to write instead."""
 
@@ -99,95 +88,15 @@ Rehearse = Callable[[Path], Rehearsal | None]
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """Where to insert a new restriction of a task.
-
-    ``task`` is the head of the task's class, ``sub_action`` and ``last`` are fillers of its restrictions: the new one
-    goes after ``last``. ``word`` is the local name of the property that ``sub_action`` fills.
-    """
-
-    task: Span
-    sub_action: Span
-    word: str
-    last: Span
-    is_flat: bool
-
-
-class Editable(ABC):
-    """Text in a certain syntax; spans are those of its reader. All methods raise CannotEdit rather than guess."""
-
-    def __init__(self, text: str, file: str) -> None:
-        self.text = text
-        self._file = file
-
-    def check_file(self, span: Span) -> None:
-        """Raise CannotEdit if the position is in another file."""
-        if span.file != self._file:
-            raise CannotEdit("it is stated in several files")
-
-    def line_end(self) -> str:
-        """Line ending of the text, taken from its first line."""
-        first = self.text.find("\n")
-        return "\r\n" if first > 0 and self.text[first - 1] == "\r" else "\n"
-
-    def indentation(self, offset: int) -> str:
-        """White space before a position if nothing else precedes it on its line, else an empty string."""
-        before = self.text[self.text.rfind("\n", 0, offset) + 1 : offset]
-        return before if not before.strip() else ""
-
-    @abstractmethod
-    def exchanged(self, first: Span, second: Span) -> list[Edit]:
-        """Swap the properties of two restrictions, given the spans of their fillers."""
-
-    @abstractmethod
-    def renamed(self, where: Span, like: Span) -> list[Edit]:
-        """Replace the name at one position by the name that stands at another."""
-
-    @abstractmethod
-    def replaced(self, where: Span, written: str, meant: str) -> list[Edit]:
-        """Replace one name (IRI) by another at one position."""
-
-    @abstractmethod
-    def without(self, filler: Span) -> list[Edit]:
-        """Remove a restriction, given the span of its filler, from the class that states it."""
-
-    @abstractmethod
-    def without_individual(self, where: Span, name: str) -> list[Edit]:
-        """Remove the description of an individual (IRI) if all of it is in one place; otherwise make no edits."""
-
-    @abstractmethod
-    def with_kind(self, filler: Span, kind: str) -> list[Edit]:
-        """Change the kind of a restriction to "some" or "value"."""
-
-    @abstractmethod
-    def with_ordering(self, place: Place, before: Span, after: Span, suffix: str) -> list[Edit]:
-        """Add an ordering constraint to a task, and its individual, named after the task with a suffix.
-
-        ``before`` and ``after`` are the spans of the names of the two steps.
-        """
-
-    @abstractmethod
-    def with_sub_action(self, place: Place, step: Span, kind: str) -> list[Edit]:
-        """Add a sub-action, whose head stands at ``step``, to a task, by a restriction of kind "some" or "value"."""
-
-    def with_declarations(self, declarations: Sequence[Declaration]) -> list[Edit]:
-        """Declare entities, which exist only in XML."""
-        raise CannotEdit("only XML has entities")
-
-    def with_right_terms(self) -> list[Edit]:
-        """Move terms of RDFS and OWL to their correct namespace; Manchester syntax has keywords instead."""
-        return []
-
-
-@dataclass(frozen=True, slots=True)
 class Fix:
     """A fix for diagnostics of ``code``: its effect in words, its position, and the edits that make it.
 
-    A fix that is not safe is a guess at the intended meaning, which the user has to accept.
+    Without ``edit``, the mistake is gone once the statements are written in another syntax. A fix that is not safe is a
+    guess at the intended meaning, which the user has to accept.
     """
 
     code: str
     message: str
     span: Span | None
-    edit: Callable[[Editable], list[Edit]]
+    edit: Callable[[ManchesterText], list[Edit]] | None
     is_safe: bool = True

@@ -1,6 +1,7 @@
 """Fixing the text of a recipe: each fix is kept only if its problem disappears and nothing else gets worse.
 
-A fix that the user accepted is evaluated by the checks and by a rehearsal of the plan, before and after it.
+A fix that the user accepted is evaluated by the checks and by a rehearsal of the plan, before and after it. A file of
+another syntax is written in Manchester syntax first, and in its own again after all fixes.
 """
 
 from __future__ import annotations
@@ -11,15 +12,16 @@ from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
-from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, error
+from planlang.diagnostics import BadInput, Diagnostic, Severity, Span
 from planlang.files import decode
 from planlang.ontology import load
+from planlang.ontology.canonical import Sorting
+from planlang.ontology.convert import Converted, Target, convert_content
 from planlang.ontology.documents import Syntax, read_bytes, syntax_of
 from planlang.recipe.actions import Actions
-from planlang.recipe.fixes import CannotEdit, Edit, Editable, Fix, Rehearsal, Rehearse, Worse
-from planlang.recipe.fixes.manchester_text import ManchesterText
+from planlang.recipe.fixes import Fix, Rehearsal, Rehearse, Worse
+from planlang.recipe.fixes.manchester_text import CannotEdit, Edit, ManchesterText, line_end
 from planlang.recipe.fixes.proposals import declarations, propose_fixes, renames
-from planlang.recipe.fixes.xml_text import XmlText
 from planlang.recipe.reading import read_recipe, read_recipes
 from planlang.records import dataclass
 from planlang.temporary import temporary_folder
@@ -27,24 +29,25 @@ from planlang.temporary import temporary_folder
 MOST_FIXES = 100
 """Maximum number of fixes tried in one file. Each reads the whole file again, a tenth of a second for a real recipe."""
 
-_ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "iso8859-1", "iso8859-15", "cp1252")
-
 
 @dataclass(frozen=True, slots=True)
 class Fixed:
     """Text of a recipe before and after fixing, the fixes that were made, and those that were not.
 
     The latter were not accepted, impossible, or refused because they would have made the recipe worse, each with the
-    reason. Their spans are positions in the text after fixing.
+    reason. Their spans are positions in the text after fixing. ``changed`` is the text in Manchester syntax that was
+    edited, before and after. ``notes`` tell what was lost in writing another syntax anew, such as comments.
     """
 
     before: str
     after: str
+    changed: tuple[str, str]
     encoding: str
     done: tuple[Fix, ...]
     unaccepted: tuple[Fix, ...]
     impossible: tuple[tuple[Fix, str], ...]
     refused: tuple[tuple[Fix, Worse], ...] = ()
+    notes: tuple[Diagnostic, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,12 +82,25 @@ def fix_recipe(
     those of :func:`planlang.recipe.read_recipe`. Raises BadInput if the file cannot be read at all.
     """
     fixing = _Fixing(path, task, folders, rehearse, read_bytes(path) if content is None else content)
-    state = fixing.first()
+    given = fixing.first()
+
+    def is_wanted(fix: Fix) -> bool:
+        return fix.is_safe or fix.code in accepted
+
     done: list[Fix] = []
     failed: dict[tuple[str, str], tuple[Fix, CannotEdit]] = {}
+    state = edited = given
+    notes: tuple[Diagnostic, ...] = ()
+    wanted = [fix for fix in given.fixes if is_wanted(fix)]
+    if wanted and fixing.syntax is not Syntax.MANCHESTER:
+        try:
+            edited, notes = fixing.in_manchester(given, wanted)
+            state = edited
+            done += (fix for fix in wanted if fix.edit is None)
+        except CannotEdit as problem:
+            failed = {(fix.code, fix.message): (fix, problem) for fix in wanted}
     while len(done) + len(failed) < MOST_FIXES:
-        allowed = [fix for fix in state.fixes if fix.is_safe or fix.code in accepted]
-        waiting = [fix for fix in allowed if (fix.code, fix.message) not in failed]
+        waiting = [fix for fix in state.fixes if is_wanted(fix) and (fix.code, fix.message) not in failed]
         if not waiting:
             break
         safe = [fix for fix in waiting if fix.is_safe]
@@ -96,16 +112,25 @@ def fix_recipe(
             except CannotEdit as problem:
                 if batch is not safe:
                     failed[waiting[0].code, waiting[0].message] = (waiting[0], problem)
-    unaccepted = [fix for fix in state.fixes if not fix.is_safe and fix.code not in accepted]
-    unmade = [(replace(fix, span=fixing.in_file(fix.span)), why) for fix, why in failed.values()]
+    changed = edited.text, state.text
+    if fixing.syntax is not Syntax.MANCHESTER:
+        try:
+            state = fixing.in_own_syntax(state) if done else given
+        except CannotEdit as problem:
+            failed |= {(fix.code, fix.message): (fix, problem) for fix in done}
+            state, done, notes = given, [], ()
+    spans = {(fix.code, fix.message): fixing.in_file(fix.span) for fix in state.fixes}
+    unmade = [(replace(fix, span=spans.get(key)), why) for key, (fix, why) in failed.items()]
     return Fixed(
         fixing.before,
         state.text,
+        changed,
         fixing.encoding,
         tuple(done),
-        tuple(replace(fix, span=fixing.in_file(fix.span)) for fix in unaccepted),
+        tuple(replace(fix, span=fixing.in_file(fix.span)) for fix in state.fixes if not is_wanted(fix)),
         tuple((one, str(why)) for one, why in unmade if not isinstance(why, Worse)),
         tuple((one, why) for one, why in unmade if isinstance(why, Worse)),
+        notes,
     )
 
 
@@ -118,20 +143,50 @@ class _Fixing:
         self._path, self._task, self._folders, self._rehearse = path, task, folders, rehearse
         self._rehearsals: dict[str, Rehearsal | None] = {}
         self.before = decode(content, str(path))
-        self.encoding = _encoding(content, self.before)
+        self._content = content
+        self.encoding = next((one for one in ("utf-8-sig", "utf-16") if self.before.encode(one) == content), "utf-8")
+        self.syntax = syntax_of(self.before, str(path))
 
     def first(self) -> _State:
         """Read the file as it is. Raises BadInput if it cannot be read."""
         try:
-            return self._read(self.before)
+            return self._read(self.before, self._content)
         except BadInput as problem:
             raise BadInput([replace(one, span=self.in_file(one.span)) for one in problem.diagnostics]) from None
 
-    def _read(self, text: str) -> _State:
+    def in_manchester(self, given: _State, wanted: Sequence[Fix]) -> tuple[_State, tuple[Diagnostic, ...]]:
+        """Write the file in Manchester syntax and read that; also return what is lost. Raises CannotEdit."""
+        guess = next((fix for fix in given.fixes if fix.edit is None and fix not in wanted), None)
+        if guess is not None:
+            raise CannotEdit(f"the file would be written anew with a guess: {guess.message}")
+        if self.syntax.name not in Target.__members__:
+            raise CannotEdit(f"planlang does not write {self.syntax.value}")
+        self.encoding = "utf-8"
+        converted = self._converted(self.before, Target.MANCHESTER)
+        return self._read(converted.text), tuple(one for one in converted.diagnostics if one.code == "O053")
+
+    def in_own_syntax(self, state: _State) -> _State:
+        """Write fixed text in the syntax of the file and read that. Raises CannotEdit if it has new errors."""
+        target = Target.NTRIPLES if self._path.suffix == ".nt" else Target[self.syntax.name]
+        text = self._converted(state.text, target).text.replace("\n", line_end(self.before))
+        new = self._read(text)
+        if new.errors() - state.errors():
+            raise CannotEdit(f"the fixed recipe cannot be written in {self.syntax.value}")
+        return new
+
+    def _converted(self, text: str, target: Target) -> Converted:
+        """Convert the recipe. Raises CannotEdit if statements would be lost."""
+        converted = convert_content(text.encode(), self._path, target, order=Sorting.FILE)
+        for one in converted.diagnostics:
+            if one.code == "O050":
+                raise CannotEdit(one.message)
+        return converted
+
+    def _read(self, text: str, content: bytes | None = None) -> _State:
         """Read a text with its diagnostics and fixes. Raises BadInput if it cannot be read."""
         with temporary_folder() as folder:
             copy = folder / self._path.name
-            copy.write_bytes(text.encode(self.encoding))
+            copy.write_bytes(text.encode(self.encoding) if content is None else content)
             actions = Actions(load(copy, folders=(self._path.parent, *self._folders)))
             reading = read_recipe(actions, self._task)
             if reading.actions is actions:
@@ -144,8 +199,8 @@ class _Fixing:
 
     def tried(self, state: _State, fixes: Sequence[Fix]) -> _State:
         """Apply fixes. Raises CannotEdit if that is impossible, or does not help."""
-        text = _editable(state)
-        edits = [fix.edit(text) for fix in fixes]
+        text = ManchesterText(state.text, state.file)
+        edits = [fix.edit(text) if fix.edit is not None else [] for fix in fixes]
         if not all(edits):
             raise CannotEdit("the text to change was not found")
         try:
@@ -205,17 +260,6 @@ class _Fixing:
         return span if span is None or Path(span.file).name != self._path.name else span._replace(file=str(self._path))
 
 
-def _editable(state: _State) -> Editable:
-    """Open the text as RDF/XML or Manchester syntax. Raises CannotEdit for malformed XML and other syntaxes."""
-    match syntax_of(state.text, "the recipe"):
-        case Syntax.RDFXML:
-            return XmlText(state.text, state.file)
-        case Syntax.MANCHESTER:
-            return ManchesterText(state.text, state.file)
-        case syntax:
-            raise CannotEdit(f"planlang does not edit {syntax.value}; convert it to another syntax")
-
-
 def _applied(text: str, edits: Iterable[Edit]) -> str:
     """Apply edits; insertions at one position keep their order.
 
@@ -229,13 +273,3 @@ def _applied(text: str, edits: Iterable[Edit]) -> str:
         parts += [text[position:start], new]
         position = end
     return "".join([*parts, text[position:]])
-
-
-def _encoding(content: bytes, text: str) -> str:
-    for encoding in _ENCODINGS:
-        try:
-            if text.encode(encoding) == content:
-                return encoding
-        except UnicodeEncodeError:
-            continue
-    raise BadInput([error("O004", "planlang cannot write the encoding of this file", help="save it as UTF-8")])

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from itertools import islice
+from typing import NamedTuple
 
 from planlang.designators import local_part
 from planlang.diagnostics import Span
 from planlang.files import offset_of
 from planlang.ontology.moved_names import canonical
-from planlang.recipe.fixes import CannotEdit, Edit, Editable, Place
+from planlang.records import dataclass
 
 _NAME = re.compile(r"<[^<>\s]*>|[^\s,(){}\[\]\"<>]+")
 _BEFORE_FILLER = re.compile(
@@ -31,19 +32,62 @@ _LONGEST = 1000
 pattern is tried at each character."""
 
 
-class ManchesterText(Editable):
-    """File in Manchester syntax; spans are the first characters of fillers and names, for facts of the property."""
+def line_end(text: str) -> str:
+    """Line ending of a text, taken from its first line."""
+    first = text.find("\n")
+    return "\r\n" if first > 0 and text[first - 1] == "\r" else "\n"
+
+
+class Edit(NamedTuple):
+    """Replace the characters from ``start`` up to ``end`` (offsets) by ``text``."""
+
+    start: int
+    end: int
+    text: str
+
+
+class CannotEdit(Exception):
+    """The text has a form that the edit does not support; the message states the obstacle."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where to insert a new restriction of a task.
+
+    ``task`` is the head of the task's class, ``sub_action`` and ``last`` are fillers of its restrictions: the new one
+    goes after ``last``. ``word`` is the local name of the property that ``sub_action`` fills.
+    """
+
+    task: Span
+    sub_action: Span
+    word: str
+    last: Span
+    is_flat: bool
+
+
+class ManchesterText:
+    """Text in Manchester syntax; spans are the first characters of fillers and names, for facts of the property.
+
+    All methods raise CannotEdit rather than guess.
+    """
+
+    def __init__(self, text: str, file: str) -> None:
+        self.text = text
+        self._file = file
 
     def exchanged(self, first: Span, second: Span) -> list[Edit]:
+        """Swap the properties of two restrictions, given the spans of their fillers."""
         (a_start, a_end), (b_start, b_end) = self._property(first), self._property(second)
         return [Edit(a_start, a_end, self.text[b_start:b_end]), Edit(b_start, b_end, self.text[a_start:a_end])]
 
     def renamed(self, where: Span, like: Span) -> list[Edit]:
+        """Replace the name at one position by the name that stands at another."""
         start, end = self._name(where)
         new_start, new_end = self._name(like)
         return [Edit(start, end, self.text[new_start:new_end])]
 
     def replaced(self, where: Span, written: str, meant: str) -> list[Edit]:
+        """Replace one name (IRI) by another at one position."""
         old = local_part(written)
         for match in islice(_NAME.finditer(self.text, self._offset(where)), 2):  # in a fact the name comes second
             name = match[0].removesuffix(">")
@@ -55,6 +99,7 @@ class ManchesterText(Editable):
         raise CannotEdit(f"the name {old} is not written there")
 
     def without(self, filler: Span) -> list[Edit]:
+        """Remove a restriction, given the span of its filler, from the class that states it."""
         start, end = self._property(filler)[0], self._name(filler)[1]
         while (before := _OPEN.search(self.text, 0, start)) and (after := _CLOSE.match(self.text, end)):
             start, end = before.start(), after.end()
@@ -65,6 +110,7 @@ class ManchesterText(Editable):
         raise CannotEdit("it is not one of several in a list")
 
     def without_individual(self, where: Span, name: str) -> list[Edit]:
+        """Remove the description of an individual (IRI) if all of it is in one place; otherwise make no edits."""
         frames = re.finditer(r"^[ \t]*Individual:\s*(<[^<>\s]*>|\S+)", self.text, re.MULTILINE)
         heads = [match for match in frames if match[1].removesuffix(">").endswith(local_part(name))]
         start, end = self._name(where)
@@ -74,6 +120,7 @@ class ManchesterText(Editable):
         return [Edit(heads[0].start(), following.start() if following else len(self.text), "")]
 
     def with_kind(self, filler: Span, kind: str) -> list[Edit]:
+        """Change the kind of a restriction to "some" or "value"."""
         end = self._property(filler)[1]
         word = _KIND.match(self.text, end)
         if word is None:
@@ -81,6 +128,10 @@ class ManchesterText(Editable):
         return [Edit(*word.span(1), kind)]
 
     def with_ordering(self, place: Place, before: Span, after: Span, suffix: str) -> list[Edit]:
+        """Add an ordering constraint to a task, and its individual, named after the task with a suffix.
+
+        ``before`` and ``after`` are the spans of the names of the two steps.
+        """
         property_name = self._slice(self._property(place.sub_action))
         head, local, tail = property_name.rpartition(place.word)
         if not local or tail not in ("", ">"):
@@ -95,6 +146,7 @@ class ManchesterText(Editable):
         return self._with_restriction(place, f"{head}orderingConstraints{tail} value {name}", individual)
 
     def with_sub_action(self, place: Place, step: Span, kind: str) -> list[Edit]:
+        """Add a sub-action, whose head stands at ``step``, to a task, by a restriction of kind "some" or "value"."""
         property_name = self._slice(self._property(place.sub_action))
         return self._with_restriction(place, f"{property_name} {kind} {self._slice(self._name(step))}", [])
 
@@ -109,8 +161,8 @@ class ManchesterText(Editable):
         is_item = place.is_flat and (not rest or rest.startswith(",") or _FRAME.match(rest) is not None)
         frame_of_task = [] if is_item else [f"Class: {self._slice(self._name(place.task))}", f"    SubClassOf: {new}"]
         frames = [frame for frame in (frame_of_task, individual) if frame]
-        indent = self.indentation(self._property(place.last)[0])
-        edits = [Edit(end, end, f",{self.line_end()}{indent}{new}" if indent else f", {new}")] if is_item else []
+        indent = self._indentation(self._property(place.last)[0])
+        edits = [Edit(end, end, f",{line_end(self.text)}{indent}{new}" if indent else f", {new}")] if is_item else []
         return [*edits, self._frames(end, frames)] if frames else edits
 
     def _frames(self, position: int, frames: list[list[str]]) -> Edit:
@@ -121,11 +173,17 @@ class ManchesterText(Editable):
         while len(lines) > 1 and (not lines[-1].strip() or lines[-1].lstrip().startswith("#")):
             lines.pop()
         end = position + len("".join(lines).rstrip())
-        return Edit(end, end, "".join(self.line_end().join(["", "", *frame]) for frame in frames))
+        return Edit(end, end, "".join(line_end(self.text).join(["", "", *frame]) for frame in frames))
 
     def _offset(self, span: Span) -> int:
-        self.check_file(span)
+        if span.file != self._file:
+            raise CannotEdit("it is stated in several files")
         return offset_of(self.text, span)
+
+    def _indentation(self, offset: int) -> str:
+        """White space before a position if nothing else precedes it on its line, else an empty string."""
+        before = self.text[self.text.rfind("\n", 0, offset) + 1 : offset]
+        return before if not before.strip() else ""
 
     def _name(self, span: Span) -> tuple[int, int]:
         match = _NAME.match(self.text, self._offset(span))

@@ -15,7 +15,8 @@ from planlang.recipe.actions import Actions, statements_for
 from planlang.recipe.checks.orderings import constraints_of, follow_from_others
 from planlang.recipe.checks.parameters import exchanged_pair, unused_designators
 from planlang.recipe.checks.steps import unlisted_states
-from planlang.recipe.fixes import CannotEdit, Edit, Editable, Fix, Place
+from planlang.recipe.fixes import Fix
+from planlang.recipe.fixes.manchester_text import CannotEdit, Edit, ManchesterText, Place
 from planlang.recipe.model import Recipe, RecipeSet, Step, Thing
 from planlang.recipe.readers.partial_order import is_sub_action
 from planlang.recipe.statements import Statements, is_word
@@ -36,12 +37,7 @@ def propose_fixes(
     """
     ontology = actions.ontology
     fixes = [
-        Fix(
-            problem.code,
-            problem.message.replace(" is read as ", " becomes "),
-            problem.span,
-            methodcaller("with_right_terms"),
-        )
+        Fix(problem.code, problem.message.replace(" is read as ", " becomes "), problem.span, None)
         for problem in diagnostics
         if problem.code == "O012" or (problem.code == "O013" and problem.severity is Severity.ERROR)
     ]
@@ -79,7 +75,7 @@ def _kinds(ontology: Ontology) -> Iterator[Fix]:
             message = f"restrictions on {names} use {kind}"
             spans = [triple.span for triple in triples]
 
-            def edit(text: Editable, spans: list[Span] = spans, kind: str = kind) -> list[Edit]:
+            def edit(text: ManchesterText, spans: list[Span] = spans, kind: str = kind) -> list[Edit]:
                 return [one for span in spans for one in text.with_kind(span, kind)]
 
             yield Fix(code, message, spans[0], edit)
@@ -95,7 +91,7 @@ def renames(ontology: Ontology, diagnostics: tuple[Diagnostic, ...]) -> Iterator
                 {triple.span for triple in triples if problem.span and triple.span.file == problem.span.file}
             )
 
-            def edit(text: Editable, rename: Rename = rename, spans: list[Span] = spans) -> list[Edit]:
+            def edit(text: ManchesterText, rename: Rename = rename, spans: list[Span] = spans) -> list[Edit]:
                 return [one for span in spans for one in text.replaced(span, rename.written, rename.meant)]
 
             message = f"`{local_name(rename.written)}` becomes {rename}"
@@ -103,14 +99,13 @@ def renames(ontology: Ontology, diagnostics: tuple[Diagnostic, ...]) -> Iterator
 
 
 def declarations(diagnostics: tuple[Diagnostic, ...]) -> Iterator[Fix]:
-    """Declare undeclared entities; all in one fix, because the document may not have a DOCTYPE yet."""
+    """Write out undeclared entities of XML: those with one known value, and those whose value is a guess."""
     undeclared = [(one.suggestion, one) for one in diagnostics if isinstance(one.suggestion, Declaration)]
     for is_sure in (True, False):
         group = [(change, one) for change, one in undeclared if change.is_sure == is_sure]
         if group:
-            message = f"{', '.join(f'`&{change.entity};`' for change, _ in group)} declared in the DOCTYPE"
-            edit = methodcaller("with_declarations", [change for change, _ in group])
-            yield Fix("O016", message, group[0][1].span, edit, is_sure)
+            names = ", ".join(f"`&{change.entity};`" for change, _ in group)
+            yield Fix("O016", f"{names} written out", group[0][1].span, None, is_sure)
 
 
 def _exchanges(ontology: Ontology, recipe: Recipe) -> Iterator[Fix]:
@@ -149,7 +144,7 @@ def _names(ontology: Ontology, statements: Statements, recipe: Recipe) -> Iterat
             yield Fix("R010", message, min(mentions), _renamed(mentions, by_name[similar_names[0]].span))
 
 
-def _renamed(places: list[Span], like: Span) -> Callable[[Editable], list[Edit]]:
+def _renamed(places: list[Span], like: Span) -> Callable[[ManchesterText], list[Edit]]:
     return lambda text: [one for place in places for one in text.renamed(place, like)]
 
 
@@ -173,7 +168,7 @@ def _orders(actions: Actions, recipes: RecipeSet, diagnostics: tuple[Diagnostic,
         ends = heads[order.before], heads[order.after]
 
         def edit(
-            text: Editable, place: Place | None = place, ends: tuple[Span, Span] = ends, suffix: str = suffix
+            text: ManchesterText, place: Place | None = place, ends: tuple[Span, Span] = ends, suffix: str = suffix
         ) -> list[Edit]:
             return text.with_ordering(_listed(place), *ends, suffix)
 
@@ -207,7 +202,7 @@ def _states(ontology: Ontology, statements: Statements, recipe: Recipe) -> Itera
         message = f"the state `{local_name(name)}` becomes a sub-action of `{recipe.name}`"
         head, kind = ontology.span(name), "some" if ontology.is_class(name) else "value"
 
-        def edit(text: Editable, head: Span | None = head, kind: str = kind) -> list[Edit]:
+        def edit(text: ManchesterText, head: Span | None = head, kind: str = kind) -> list[Edit]:
             return text.with_sub_action(_listed(place), _listed(head), kind)
 
         yield Fix("R051", message, mention or recipe.span, edit)
@@ -228,7 +223,9 @@ def _bindings(ontology: Ontology, unrepaired: Recipe, repaired: Recipe) -> Itera
                 continue
             if only.iri is not None:
 
-                def edit(text: Editable, at: Span = where, cls: str = thing.stated, name: str = only.iri) -> list[Edit]:
+                def edit(
+                    text: ManchesterText, at: Span = where, cls: str = thing.stated, name: str = only.iri
+                ) -> list[Edit]:
                     return [*text.replaced(at, cls, name), *text.with_kind(at, "value")]
 
                 message = f"{before.property} of `{stated.name}` becomes `{only.name}` instead of any `{thing.name}`"
@@ -301,7 +298,7 @@ def _removal(code: str, message: str, ontology: Ontology, restriction: Restricti
     head = ontology.span(name) if isinstance(name, str) else None
     is_used = sum(1 for _ in ontology.triples(o=name)) > 1  # by another task, too
 
-    def edit(text: Editable) -> list[Edit]:
+    def edit(text: ManchesterText) -> list[Edit]:
         is_whole = head is not None and head.file == span.file and not is_used
         return [*text.without(span), *(text.without_individual(head, str(name)) if head and is_whole else ())]
 

@@ -27,7 +27,7 @@ def ended(arguments: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     ("arguments", "command", "error", "help"),
     [
         ("locate --json", "locate", "Missing argument 'PHRASE'.", "planlang locate -h shows how it is used"),
-        ("check x --accpt R042 --json", "check", "No such option: --accpt", "possible options: --accept"),
+        ("check x --accpt R042 --json", "check", "No such option '--accpt'.", "did you mean '--accept'?"),
         ("check --json --reasoner hermt x", "check", "'hermt' is not one of", "did you mean hermit?"),
         ("convert x --to zzz --json", "convert", "'zzz' is not one of", "planlang convert -h shows how it is used"),
         ("chek x --json", "", "No such command 'chek'.", "did you mean 'check'?"),

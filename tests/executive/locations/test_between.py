@@ -7,8 +7,7 @@ from itertools import islice
 
 import pytest
 
-from executive.locations.consistency import LocationMeaningless
-from executive.locations.demands import hand_demand
+from executive.locations.demands import LocationMeaningless, hand_demand
 from planlang.designators import Location, a_location, an_object, located
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Pose

@@ -14,7 +14,7 @@ import pytest
 
 from executive.locations.explanations import explain_bases
 from executive.locations.questions import BUDGETS, Question
-from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, Rejections
+from executive.locations.rejections import COLLISION, NO_HOLD, Rejections
 from planlang.designators import Location, a_device, a_location, a_person, a_posture, an_object
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry import Pose
@@ -106,18 +106,6 @@ def test_between_a_thing_in_a_drawer_and_its_furniture_no_more_room_is_asked_for
     assert log.figures == {COLLISION: "in all 9 ways to reach leaf the robot would hit case"}
 
 
-def test_what_the_hand_touches_most_often_comes_before_how_near_the_base_gets(make_stage: MakeStage) -> None:
-    screen = box("screen", 1.5, 0.06, (0.4, 0.02, 0.4), 0.8)
-    stage = make_stage(CABINET, BOTTLE, screen)
-    log = Rejections(counts=Counter({NO_ROOM: 20, COLLISION: 9}), blocking=Counter({"screen": 7, "cabinet": 2}))
-    arms, maps = stage.platform.scene.arms.all, stage.platform.resolver.maps
-    explain_bases([Reach(ReachKind.GRASP, "bottle")], arms, stage.platform.scene, maps, Question(log), None)
-    said = log.figures[NO_ROOM]
-    assert re.match(
-        r"the hand \(\w+\) would touch screen in 7 of the 9 places in collision; the robot cannot get its centre", said
-    )
-
-
 def test_a_hand_without_collision_shapes_is_said_to_be_the_cause(make_stage: MakeStage) -> None:
     stage, bare = make_stage(CABINET, BOTTLE), "jaw has no <collision> shape"
     scene, maps = stage.platform.scene, stage.platform.resolver.maps
@@ -142,15 +130,6 @@ def test_the_width_of_a_handle_is_called_that_of_the_handle(refused: Refused) ->
     hammer = replace(BOTTLE, size=(0.3, 0.2, 0.03), pose=Pose((1.5, 0.0, 0.815)), handles=(handle,))
     said = str(refused(TO_GRASP, CABINET, hammer))
     assert "the handle of bottle is 0.030 m wide and fits between the fingers" in said
-
-
-def test_the_body_without_which_the_base_would_get_nearer_is_named(refused: Refused) -> None:
-    posts = [
-        box(f"post{k}", 1.6 + 1.0 * math.cos(k * math.pi / 6), 1.0 * math.sin(k * math.pi / 6), (0.5, 0.5, 0.6))
-        for k in range(12)
-    ]
-    said = str(refused(TO_GRASP, CABINET, BOTTLE, *posts))
-    assert re.search(r"closer than \d\.\d\d m to the centre of bottle; without post\d+ it would get to \d", said)
 
 
 def test_posts_around_a_cabinet_leave_no_room_and_are_named(refused: Refused) -> None:

@@ -8,8 +8,7 @@ from itertools import islice
 
 import pytest
 
-from executive.locations.consistency import LocationMeaningless
-from executive.locations.demands import base_demand, hand_demand
+from executive.locations.demands import LocationMeaningless, base_demand, hand_demand
 from planlang.designators import Location, Relation, a_location, a_person, an_object, located
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Pose

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from executive.cli.app import app
 from executive.maps import SemanticMap, read_map, scene_of

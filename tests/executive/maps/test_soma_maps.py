@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 from rdflib import Graph
-from typer.testing import CliRunner
 
 from executive.cli.app import app
 from executive.maps import SemanticMap, read_map, scene_of

@@ -173,9 +173,9 @@ def test_search_gives_up_after_its_replans() -> None:
 
 def test_start_and_goal_must_be_free_and_on_the_map() -> None:
     bed = room((3.0, 1.0, 2.0, 1.0))
-    with failing(StartInCollision, start=(3.0, 1.0, 0.0)) as stuck:
+    with failing(StartInCollision, place=(3.0, 1.0, 0.0)) as stuck:
         plan(bed, (3.0, 1.0, 0.0), (5.0, 5.0, 0.0))
-    with failing(GoalInCollision, goal=(3.0, 1.0, 0.0)) as refused:
+    with failing(GoalInCollision, place=(3.0, 1.0, 0.0)) as refused:
         plan(bed, (5.0, 5.0, 0.0), (3.0, 1.0, 0.0))
     assert stuck.value.pairs == refused.value.pairs == (("robot", "bed"),)
     with failing(OutsideLimits, values=(7.0, 1.0)):

@@ -73,7 +73,7 @@ def test_a_step_on_many_rows_at_once_rounds_as_on_each_alone(robot: str, chain_o
     rng = np.random.default_rng(0)
     q, poses = chain.sample(rng, 600).T, chain.fk(chain.sample(rng, 600))
     targets = np.concatenate([poses[:, :3, :3].reshape(-1, 9), poses[:, :3, 3]], axis=1).T
-    function = chain.functions.symbolic.step_function(chain.lower, chain.upper)
+    function = chain.functions.step_function()
     together, alone = RowFunction(function)(q, targets), RowFunction(function)
     each = [alone(q[:, [k]], targets[:, [k]]) for k in range(WORTH)]  # those after them would be on vectors
     for number, results in enumerate(together):

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from executive.cli import app as cli
 from executive.pictures.drawn import drawn_in

@@ -10,21 +10,22 @@ from PIL import Image
 
 from executive.pictures import video
 from executive.pictures.rendering import View
-from executive.pictures.steps import DONE, FAILED, RUNNING, Steps, column
+from executive.pictures.steps import DONE, FAILED, RUNNING, column, steps_in
 from executive.pictures.video import Video
 from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.outputs import is_replaceable
 from planlang.protocols import Configuration
+from planlang.runs.run_tree import RunTree
 from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
 
 AMIGO = RobotBody(bundled("ontologies") / "robots" / "amigo.urdf", CameraModel("base_link"))
 
 
 @pytest.fixture
-def steps() -> Steps:
+def tree() -> RunTree:
     """A grasp that fails inside of a fetch that succeeds at the second try."""
-    heard = Steps()
+    heard = RunTree()
     for node, parent, kind, name, begin, end, status in (
         (1, None, "plan", "fetch", 0, 50, "succeeded"),
         (2, 1, "perform", "FetchTheBottle", 0, 50, "succeeded"),
@@ -32,27 +33,27 @@ def steps() -> Steps:
         (4, 3, "perform", "GraspIt", 10, 20, "failed"),
         (5, 2, "perform", "GraspIt", 30, 40, "succeeded"),
     ):
-        heard.hear({"event": "started", "node": node, "parent": parent, "kind": kind, "name": name, "step": begin})
-        why = {"failure": {"type": "GraspMissed"}} if status == "failed" else {}
-        heard.hear({"event": "ended", "node": node, "name": name, "status": status, "step": end, **why})
-    heard.hear({"event": "belief", "change": "grasped", "name": "bottle1", "step": 40})
+        heard.add({"event": "started", "node": node, "parent": parent, "kind": kind, "name": name, "step": begin})
+        why = {"failure": {"type": "GraspMissed", "message": "too far"}} if status == "failed" else {}
+        heard.add({"event": "ended", "node": node, "name": name, "status": status, "step": end, **why})
+    heard.add({"event": "belief", "change": "grasped", "name": "bottle1", "step": 40})
     return heard
 
 
-def test_steps_are_coming_then_running_then_as_they_ended(steps: Steps) -> None:
-    assert [(one.name, one.depth, one.failure) for one in steps.all] == [
-        ("Fetch the bottle", 0, ""),
-        ("Grasp it", 1, "GraspMissed"),
-        ("Grasp it", 1, ""),
+def test_steps_are_coming_then_running_then_as_they_ended(tree: RunTree) -> None:
+    assert [(one.node.name, one.depth, one.node.reason) for one in steps_in(tree)] == [
+        ("FetchTheBottle", 0, ""),
+        ("GraspIt", 1, "GraspMissed: too far"),
+        ("GraspIt", 1, ""),
     ]
-    assert [one.state(5) for one in steps.all] == ["running", "coming", "coming"]
-    assert [one.state(20) for one in steps.all] == ["running", "failed", "coming"]
-    assert [one.state(50) for one in steps.all] == ["succeeded", "failed", "succeeded"]
+    assert [one.state(5) for one in steps_in(tree)] == ["running", "coming", "coming"]
+    assert [one.state(20) for one in steps_in(tree)] == ["running", "failed", "coming"]
+    assert [one.state(50) for one in steps_in(tree)] == ["succeeded", "failed", "succeeded"]
 
 
-def test_the_column_marks_what_runs_what_is_done_and_what_failed(steps: Steps) -> None:
+def test_the_column_marks_what_runs_what_is_done_and_what_failed(tree: RunTree) -> None:
     def has(now: int, colour: tuple[int, int, int]) -> bool:
-        pixels = np.asarray(column(steps.all, now, (260, 200), "fetch", "1.0 s").image)
+        pixels = np.asarray(column(steps_in(tree), now, (260, 200), "fetch", "1.0 s").image)
         return bool((pixels == colour).all(axis=2).any())
 
     assert [has(5, RUNNING), has(5, DONE), has(5, FAILED)] == [True, False, False]
@@ -61,15 +62,15 @@ def test_the_column_marks_what_runs_what_is_done_and_what_failed(steps: Steps) -
 
 
 def test_a_long_plan_scrolls_to_what_runs() -> None:
-    heard = Steps()
+    heard = RunTree()
     for node in range(60):
-        heard.hear({"event": "started", "node": node, "parent": None, "kind": "perform", "name": "Go", "step": node})
-    assert (np.asarray(column(heard.all, 50, (260, 200), "x", "").image) == RUNNING).all(axis=2).any()
+        heard.add({"event": "started", "node": node, "parent": None, "kind": "perform", "name": "Go", "step": node})
+    assert (np.asarray(column(steps_in(heard), 50, (260, 200), "x", "").image) == RUNNING).all(axis=2).any()
 
 
-def test_the_ending_stands_below_the_steps(steps: Steps) -> None:
+def test_the_ending_stands_below_the_steps(tree: RunTree) -> None:
     def red(ending: tuple[str, ...]) -> int:
-        pixels = np.asarray(column(steps.all, 50, (260, 200), "fetch", "1.0 s", ending).image)[280:]
+        pixels = np.asarray(column(steps_in(tree), 50, (260, 200), "fetch", "1.0 s", ending).image)[280:]
         return int((pixels == FAILED).all(axis=2).sum())
 
     shorter, longer = red(("failed after 1.00 s", "too high")), red(("failed after 1.00 s", "too high " * 12))
@@ -78,15 +79,14 @@ def test_the_ending_stands_below_the_steps(steps: Steps) -> None:
 
 @pytest.mark.long
 def test_a_video_has_frames_of_the_run_and_is_the_same_each_time(
-    steps: Steps, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tree: RunTree, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(video, "MOST", 3)
     bottle = Body("bottle", Pose((0.8, 0.0, 0.5)), (0.08, 0.08, 0.2), "cylinder", kinds=("Bottle",))
     contents = []
     for name in ("one.webp", "two.webp"):
         world = PyBulletWorld(Scene((bottle,)), AMIGO)
-        made = Video(world, 30, "fetch")
-        made.steps = steps
+        made = Video(world, 30, "fetch", tree)
         for step in range(0, 51):
             world.set_configuration(Configuration((min(0.02 * step, 0.5), 0.0, 0.0), {}))
             made.frame(step)

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from browsers import Watched, another_browser, started_browser
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from executive.cli.app import app
 from executive.runs.options import Outcome

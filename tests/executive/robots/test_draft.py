@@ -11,9 +11,9 @@ import numpy as np
 import pybullet_data
 import pytest
 from cli_runs import invoke
+from click.testing import CliRunner
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from typer.testing import CliRunner
 
 from executive.cli.app import app
 from executive.robots import bind_draft, bind_robot

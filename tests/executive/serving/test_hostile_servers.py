@@ -13,9 +13,9 @@ from typing import Any
 
 import httpx
 import pytest
+from click.testing import CliRunner, Result
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from typer.testing import CliRunner, Result
 
 from executive.cli.app import app
 from planlang.files import Bundled

@@ -6,11 +6,11 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rdf_graphs import Graph, graph_of, read_by_rdflib, same
-from typer.testing import CliRunner
 
 from executive.cli.app import app
 from planlang.diagnostics import Span

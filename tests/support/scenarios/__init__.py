@@ -15,12 +15,9 @@ from pathlib import Path
 from pkgutil import iter_modules
 from tempfile import TemporaryDirectory
 
-import typer
-
 from executive.cli import command_lines
 from executive.cli.app import app
 from executive.cli.arguments import RunArguments
-from executive.options.declaring import declared
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import Run
 from executive.runs.prepared import prepared
@@ -145,10 +142,8 @@ def at_home(text: str) -> str:
 
 def parsed(words: Sequence[str]) -> RunArguments:
     """Return the arguments that the command would get."""
-    group = typer.main.get_command(app)
-    command = group.commands["run"]  # type: ignore[attr-defined]
-    values = command.make_context("run", list(words)).params
-    return command_lines.parsed(RunArguments(**{name: values[name] for name in declared(RunArguments)}))
+    values = app.commands["run"].make_context("run", list(words)).params
+    return command_lines.parsed(command_lines.arguments_of(RunArguments, values))
 
 
 def scenarios() -> dict[str, Scenario]:
