@@ -254,10 +254,15 @@ class SceneCollisions(ScenePart):
         if arm is None or q is None:
             contacts = self._world.contacts(Configuration(base, current), ("base",), among=among)
             return contacts if among is not None else (*contacts, *self._own_contacts(current))
-        joints = {**current, **dict(fingers), **dict(zip(arm.joints, map(float, q), strict=True))}
+        joints = self._joined(arm, q, fingers)
         ignore = [(link, touches) for link in sorted(self.touching_links(arm))] if touches is not None else []
         moving = (*arm.joints, *(name for name, _ in fingers))
         return self._world.contacts(Configuration(base, joints), moving, ignore=ignore, among=among)
+
+    def _joined(self, arm: ArmModel, q: Array, fingers: Fingers) -> dict[str, float]:
+        """All joint positions, those of an arm at ``q`` (d,) and of its fingers at others."""
+        joints = self._world.configuration().joints
+        return {**joints, **dict(fingers), **dict(zip(arm.joints, map(float, q), strict=True))}
 
     def _own_contacts(self, joints: Mapping[str, float]) -> tuple[Contact, ...]:
         """Compute self-collisions of the robot with its held objects, which do not depend on the base pose."""
@@ -273,8 +278,7 @@ class SceneCollisions(ScenePart):
         gripper = arm.gripper
         if gripper is None:
             return None
-        joints = dict(self._world.configuration().joints) | dict(zip(arm.joints, map(float, q), strict=True))
-        joints |= fingers
+        joints = self._joined(arm, q, fingers)
         steps = _closing(gripper, fingers)
         links = [self._world.robot.moved_by(name) for name in gripper.joints]
         independent = len(frozenset[int]().union(*links)) == sum(map(len, links))
@@ -311,8 +315,7 @@ class SceneCollisions(ScenePart):
         gripper = arm.gripper
         if gripper is None:
             return None
-        joints = dict(self._world.configuration().joints) | dict(zip(arm.joints, map(float, q), strict=True))
-        joints |= fingers
+        joints = self._joined(arm, q, fingers)
         return joints if self._close(base, joints, _closing(gripper, fingers), around) is None else None
 
     def _distance(self, name: str, point: Array) -> float:
