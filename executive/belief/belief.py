@@ -9,9 +9,8 @@ from types import MappingProxyType
 from typing import Any
 
 from executive.belief.known_things import KnownThings, ignore
-from executive.belief.memory import Base, Source
+from executive.belief.memory import Base, Recognition, Source
 from executive.belief.obstacles import NAMES
-from executive.belief.recognition import Recognition
 from executive.belief.snapshots import dump_belief, load_belief
 from executive.maps.semantic_map import MapObject
 from planlang.changes import Change, Poured, Switched, TurnedOver

@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from executive.belief.memory import Base, Knowledge, Memory, Source
+from executive.belief.memory import VISION, Base, Knowledge, Memory, Recognition, Source
 from executive.belief.obstacles import NAMES
-from executive.belief.recognition import VISION, Recognition
 from executive.maps.classes import is_kind
 from executive.maps.contents import is_content
 from executive.maps.semantic_map import MapObject, SemanticMap, namesakes

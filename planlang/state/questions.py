@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from typing import Protocol
 
 from planlang.geometry import Pose
-from planlang.state.rules import ROUNDING, Rules, Size
+from planlang.state.matter import ROUNDING, Rules, Size
 from planlang.state.world import WorldState
 
 Point = tuple[float, float, float]

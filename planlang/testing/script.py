@@ -13,9 +13,8 @@ from planlang.geometry import Pose
 from planlang.misuse import Usage
 from planlang.records import dataclass
 from planlang.state import Made, Matter, Portion, WorldState, apply
-from planlang.state.matter import ON
+from planlang.state.matter import ON, PUDDLE, Rules
 from planlang.state.questions import Point
-from planlang.state.rules import PUDDLE, Rules
 from planlang.testing.faults import Fault, Raises
 
 Base = tuple[float, float, float]

@@ -8,9 +8,8 @@ from planlang.changes import Change, Output, Poured, Simulated, Switched, Transf
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from planlang.state import Hold, Made, Matter, Portion, WorldState, apply, flow, warm
-from planlang.state.matter import ON
+from planlang.state.matter import ON, Heating, Rules
 from planlang.state.questions import type_of
-from planlang.state.rules import Heating, Rules
 
 CUP, PLATE = Pose((1.0, 0.0, 0.8)), Pose((1.5, 0.0, 0.8))
 HERE, THERE = Configuration((0.0, 0.0, 0.0), {}), Configuration((1.0, 0.0, 0.0), {"lift": 0.2})

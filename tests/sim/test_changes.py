@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from planlang.changes import Output, Switched, Transformed, TurnedOver
 from planlang.geometry import Pose
-from planlang.state.matter import OFF, ON, Matter, Portion
+from planlang.state.matter import OFF, ON, Heating, Matter, Portion, Rules
 from planlang.state.questions import amount_of, came_to_be, is_baked, type_of, types_of
-from planlang.state.rules import Heating, Rules
 from sim import Body, PyBulletWorld, Scene
 from sim.engine import bullet
 from sim.mirror import become
