@@ -18,7 +18,7 @@ from executive.locations.base_candidates import blocks
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates, Hand, HandPoses, upright
 from executive.locations.grasps_from_above import is_low
 from executive.locations.inverse_maps import InverseMaps
-from executive.locations.looking_once import once
+from executive.locations.questions import once
 from executive.locations.rejections import COLLISION, NO_HOLD, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.motion import QuickCheck, cartesian_path
 from executive.robots.arms import ArmModel
