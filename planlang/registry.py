@@ -56,6 +56,7 @@ class _Demanded(WrappedModule):
     def __init__(self, what: OnDemand, platform: Any) -> None:
         self._what, self._platform = what, platform
         self.name, self.actions, self.failures = what.name, what.actions, what.failures
+        self.selects = what.performs is not None
 
     @cached_property
     def wrapped(self) -> ProcessModule:  # type: ignore[override]  # made when it is first asked for
@@ -63,10 +64,6 @@ class _Demanded(WrappedModule):
         home = importlib.import_module(module)  # a plan performs few of the actions that there are modules for
         made: ProcessModule = getattr(home, name)(self._platform)
         return made
-
-    @property
-    def selects(self) -> bool:
-        return self._what.performs is not None
 
     def performs(self, action: Action) -> bool:
         return self._what.performs is None or self._what.performs(self._platform, action)

@@ -111,16 +111,13 @@ class WrappedModule:
         self.name = module.name
         self.actions: Sequence[str] = module.actions
         self.failures: Sequence[type[Exception]] = module.failures
+        self.selects = selects(module)
+        """True if the module has a ``performs`` of its own."""
 
     @property
     def once(self) -> bool:
         """True if actions must not be executed again when a run is resumed."""
         return bool(getattr(self.wrapped, "once", False))
-
-    @property
-    def selects(self) -> bool:
-        """True if the module has a ``performs`` of its own."""
-        return selects(self.wrapped)
 
     def performs(self, action: Action) -> bool:
         """Check whether the module performs this action of its classes."""
@@ -160,7 +157,7 @@ class RecordedModule(WrappedModule):
         return tuple(self._recorded.answer(question, lambda: needs(action)))
 
     def performs(self, action: Action) -> bool:
-        """Check whether the module performs this action; recorded only if the module :attr:`selects` actions."""
+        """Check whether the module performs this action; recorded only if the module ``selects`` actions."""
         if not self.selects:
             return True
         decide = super().performs
