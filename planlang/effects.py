@@ -59,7 +59,7 @@ _NOTHING = Effects()
 
 
 def effects_of(
-    ontology: Ontology, action_class: str, ancestors: Iterable[str] | None = None, also: Sequence[Ontology] = ()
+    ontology: Ontology, action_class: str, ancestors: Iterable[str] | None = None, also: Iterable[Ontology] = ()
 ) -> Effects:
     """Collect the effects declared for a class of actions and its superclasses, by an ontology and by others ``also``.
 

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from executive.belief.belief import Belief
-from executive.belief.knowledge import Source
+from executive.belief.memory import Source
+from executive.maps.classes import MapObject
 from executive.maps.measures import EXTENTS
-from executive.maps.semantic_map import MapObject, SemanticMap
+from executive.maps.semantic_map import SemanticMap
 from executive.maps.statements import (
     Placement,
     decimal,
@@ -82,8 +83,8 @@ def updated_map(belief: Belief, files: Collection[Path | None], opened: Iterable
 
 def _is_gone(thing: MapObject, belief: Belief) -> bool:
     """Check whether an object was destroyed, alone or with the whole that it is a part of."""
-    holder = belief.map.holder(thing)
-    return belief.is_gone(thing.name) or (holder is not None and belief.is_gone(holder.name))
+    whole = belief.map.holder(thing)
+    return any(one.name in belief.memory.gone for one in (thing, whole) if one is not None)
 
 
 def _statements(semantic_map: SemanticMap, files: Collection[Path | None], gone: Iterable[str]) -> list[Triple]:

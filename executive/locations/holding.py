@@ -24,8 +24,7 @@ from executive.locations.hand_solutions import HandHits, HandSolution, Trial, un
 from executive.locations.rejections import Rejections
 from executive.maps import SemanticMap
 from executive.robots import Arm, Robot
-from executive.robots.arms import ArmModel
-from executive.robots.handle import RobotModel
+from executive.robots.arms import ArmModel, RobotModel
 from executive.robots.mechanism import Mechanism
 from executive.robots.openings import Fingers
 from planlang.geometry import Array, Pose
@@ -229,7 +228,7 @@ class _Hand:
 
     def _stretched(self) -> Array:
         """Choose joint values (d,) of the arm with the hand far from the robot's body, free of contact if possible."""
-        chain = self.model.solver.chain
+        chain = self.model.chain
         rows = np.concatenate([self.model.seeds, chain.sample(np.random.default_rng(0), POSTURES)])
         tips = chain.fk(rows)[:, :3, 3]
         far = np.hypot(tips[:, 0], tips[:, 1]) + np.minimum(tips[:, 2], self.model.shoulder_high[2])

@@ -11,14 +11,13 @@ from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
-from executive.maps.classes import is_kind
+from executive.maps.classes import MapObject, is_kind
 from executive.maps.measures import length, lengths, read_size, stated
-from executive.maps.semantic_map import MapObject, SemanticMap
+from executive.maps.semantic_map import SemanticMap
 from planlang.diagnostics import BadInput, Diagnostic, Severity, warning
 from planlang.effects import effects_of, heat_effects, number_of_class, number_of_individual
 from planlang.ontology import Ontology, expand, shorten
-from planlang.state.matter import KG_PER_ML, ON, Portion
-from planlang.state.rules import Heating, Rules, Size
+from planlang.state.matter import KG_PER_ML, ON, Heating, Portion, Rules, Size
 from sim import Body
 from sim.movers import Mover
 from sim.scene import BodyShape
@@ -31,19 +30,16 @@ USUAL_AMOUNT = 100.0
 """Default amount of a content [ml]."""
 
 
-def rules_of(ontology: Ontology, also: Sequence[Ontology] = ()) -> Rules:
-    """Read the effects of heat, the default sizes of new objects and the flow rate, from others ``also``.
-
-    Raises BadInput.
-    """
-    every = (ontology, *also)
+def rules_of(ontologies: Sequence[Ontology]) -> Rules:
+    """Read the effects of heat, the default sizes of new objects and the flow rate. Raises BadInput."""
     heating = (
         Heating(_short(one.inputs), shorten(one.output), _short(one.devices), one.duration)
-        for declaring in every
-        for one in heat_effects(declaring)
+        for ontology in ontologies
+        for one in heat_effects(ontology)
     )
-    flow = effects_of(ontology, expand("FluidFlow-Translation"), also=also).flow_rate
-    return Rules(tuple(dict.fromkeys(heating)), _taxonomy(every), _sizes(every), 0.0 if flow is None else flow)
+    flow = effects_of(ontologies[0], expand("FluidFlow-Translation"), also=ontologies[1:]).flow_rate
+    is_a, size = _taxonomy(ontologies), _sizes(ontologies)
+    return Rules(tuple(dict.fromkeys(heating)), is_a, size, 0.0 if flow is None else flow)
 
 
 def _short(classes: Iterable[str]) -> tuple[str, ...]:

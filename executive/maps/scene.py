@@ -11,20 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.maps.articulation import DEVICES, articulated
+from executive.maps.classes import MapObject
 from executive.maps.contents import is_content, movers_of, rules_of, with_contents
 from executive.maps.doorways import with_doorways
 from executive.maps.hollow import WALL, hollowed, open_at
 from executive.maps.in_hand import STOWED, is_in_hand
 from executive.maps.measures import stated_size
 from executive.maps.object_models import Blade
-from executive.maps.semantic_map import OPENINGS, MapObject, SemanticMap
+from executive.maps.semantic_map import OPENINGS, SemanticMap
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note, settled, unread, warning
 from planlang.effects import number_of_class
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, rotated
 from planlang.geometry.shapes import corners, footprint, inside
-from planlang.ontology import Ontology, shorten
+from planlang.ontology import shorten
 from sim import Body, Scene
 from sim.joints import Articulation, Control
 from sim.scene import GRASPABLE_WIDTH, LONGEST, THIN, BodyShape, Cavity, Handle
@@ -132,10 +133,8 @@ MARGIN = 1.5
 """Margin around all bodies in which a robot may drive if the map has no room [m]."""
 
 
-def scene_of(semantic_map: SemanticMap, notes: list[Diagnostic] | None = None, also: Sequence[Ontology] = ()) -> Scene:
+def scene_of(semantic_map: SemanticMap, notes: list[Diagnostic] | None = None) -> Scene:
     """Build the scene of a map, with bodies in the order of the map; assumptions are appended to ``notes``.
-
-    Ontologies ``also`` declare what becomes of things, beside the map.
 
     Poses are box centres, the floor is z = 0. Bottles, cups and the like are cylinders, a room with a size becomes its
     walls, and objects without a size are markers. Objects without a pose are left out. Furniture is hollow behind its
@@ -143,14 +142,14 @@ def scene_of(semantic_map: SemanticMap, notes: list[Diagnostic] | None = None, a
     BadInput if something with a shape or a pose cannot be read, and the map does not ignore that.
     """
     found: list[Diagnostic] = []
-    scene = _built(semantic_map, found, also)
+    scene = _built(semantic_map, found)
     found = settled(found, ignore_unread=semantic_map.ignores_unread)
     if notes is not None:
         notes += found
     return scene
 
 
-def _built(semantic_map: SemanticMap, notes: list[Diagnostic], also: Sequence[Ontology]) -> Scene:
+def _built(semantic_map: SemanticMap, notes: list[Diagnostic]) -> Scene:
     bodies = []
     handles = {iri for thing in semantic_map.objects for iri, _ in _handles(thing, semantic_map)}
     rooms = set(_presumed_rooms(semantic_map, notes))
@@ -176,7 +175,7 @@ def _built(semantic_map: SemanticMap, notes: list[Diagnostic], also: Sequence[On
 
         bodies = with_obstacles(bodies, semantic_map, notes)
     controls = controls_of(bodies, joints, semantic_map)
-    rules = rules_of(semantic_map.ontology, also)
+    rules = rules_of(semantic_map.declaring)
     movers = tuple(movers_of(bodies, semantic_map, notes))
     scene = Scene(tuple(bodies), _bounds(bodies), joints=joints, controls=controls, movers=movers, rules=rules)
     _check_support(scene, semantic_map, notes)

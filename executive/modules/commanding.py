@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from copy import copy
 from dataclasses import replace
@@ -21,8 +21,7 @@ from executive.locations.views import NO_SCREENS, hiding
 from executive.modules.out_of_arms import out_of_arms
 from executive.motion import time_path
 from executive.robots import Robot
-from executive.robots.arms import ArmModel
-from executive.robots.handle import RobotHandle
+from executive.robots.arms import ArmModel, RobotHandle
 from executive.robots.openings import Fingers
 from planlang.designators import Object
 from planlang.failures import (
@@ -33,7 +32,6 @@ from planlang.failures import (
     ManipulationGoalNotReached,
     NavigationGoalNotReached,
     ObjectLost,
-    ObjectUnresolvable,
     PlanFailure,
 )
 from planlang.geometry import Array, Pose, matrices
@@ -230,22 +228,17 @@ class Hands:
         self._at_rest: dict[str, float] = {}
         """Released object -> plan time at which it is expected to have come to rest [s]."""
 
-    def hold(self, what: Object) -> bool:
-        """Check whether the robot holds an object; False if the designator resolves to none."""
-        try:
-            return self._control.scene.bodies.bind(what) in self._control.belief.held
-        except ObjectUnresolvable:
-            return False
-
     async def move(self, arm: ArmModel, *, closed: bool, fingers: Fingers = ()) -> Motion:
         """Close the fingers fully, or open them fully or to ``fingers``. Opening releases a handle."""
-        gripper = arm.gripper
+        control, gripper, link = self._control, arm.gripper, arm.tip
         assert gripper is not None
         if not closed:
-            self._release_handle(arm)
+            control.world.loosen(link)
+            for leaf in [leaf for leaf, leader in control.belief.led.items() if leader == link]:
+                control.belief.let_go(leaf)
         goal = gripper.closed if closed else dict(fingers) or gripper.opened
-        path = np.stack([self._control.joints(gripper.joints), [goal[name] for name in gripper.joints]])
-        return await self._control.follow(Group(GroupKind.FINGERS, arm.name), self._control.timed(gripper.joints, path))
+        path = np.stack([control.joints(gripper.joints), [goal[name] for name in gripper.joints]])
+        return await control.follow(Group(GroupKind.FINGERS, arm.name), control.timed(gripper.joints, path))
 
     async def close(self, arm: ArmModel) -> Motion:
         """Close the fingers fully, or until they feel an object that stops them.
@@ -272,12 +265,6 @@ class Hands:
         control.world.grip(link)
         control.belief.leads(leaf, link)
         control.observe()
-
-    def _release_handle(self, arm: ArmModel) -> None:
-        control, link = self._control, arm.tip
-        control.world.loosen(link)
-        for leaf in [leaf for leaf, leader in control.belief.led.items() if leader == link]:
-            control.belief.let_go(leaf)
 
     def is_on(self, arm: ArmModel, name: str) -> bool:
         """Check whether the closed fingers feel something where a body is believed to be."""
@@ -348,6 +335,16 @@ class Sensing:
             return
         path = np.stack([control.joints(gaze.joints), neck])
         await control.follow(Group(GroupKind.HEAD), control.timed(gaze.joints, path))
+
+    async def shows(self, points: Iterable[Array], name: str, is_seen: Callable[[], bool]) -> bool:
+        """Look at points (3,) of the map, one after the other, until an image shows what is looked for."""
+        for point in points:
+            with suppress(LookingGoalUnreachable):
+                await self.look_at(point, name)
+                self.see()
+                if is_seen():
+                    return True
+        return False
 
     def turn_towards(self, point: Array) -> None:
         """Begin to turn the neck towards a map point (3,), as far as it goes, and do not wait for its end."""

@@ -8,29 +8,24 @@ happened. The belief follows the declaration.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import field, replace
 from itertools import count, islice
-from types import MappingProxyType
-from typing import Any
 
-from executive.maps import MapObject
 from executive.maps.classes import known
 from executive.modules.platform import Platform
-from executive.modules.tools.turning_over import check_turned
 from planlang.changes import Change, Output, Physics, Poured, Simulated, Switched, Transformed, TurnedOver
 from planlang.designators import Action, Location, Object, local_name
 from planlang.effects import Effects, effects_of, narrowest, number_of_class
-from planlang.failures import ObjectNotTurned, ObjectUnresolvable
+from planlang.failures import ObjectUnresolvable
 from planlang.geometry import Pose
-from planlang.kernel import PlanStructureError, now, sleep
+from planlang.kernel import PlanStructureError, now
 from planlang.language.performing import actions_around
-from planlang.language.process_module import LEFT_TO_MOTIONS, ProcessModule, WrappedModule
-from planlang.ontology import Ontology, expand, shorten
+from planlang.ontology import expand, shorten
 from planlang.records import dataclass
-from planlang.state import apply, is_free, warm
-from sim.changes import Changes
-from sim.processes import due
+from planlang.state import Queries, WorldState, apply, is_free, warm
+from planlang.state.matter import Matter
+from planlang.state.questions import due, is_vessel, type_of
 
 ACTED_ON = ("object_acted_on", "inputs", "inputs_destroyed")
 """Properties of an action that name what it destroys, turns over or pours."""
@@ -53,17 +48,10 @@ class Begun:
 class ActionEffects:
     """Applies effects of actions to the belief of one platform, and to the world if it is simulated."""
 
-    def __init__(self, platform: Platform, physics: Physics | None, also: Sequence[Ontology]) -> None:
-        """``physics``: the simulated world that the platform's interface commands; None if the world is real.
-
-        ``also``: ontologies that declare effects beside the map, such as that of the recipe.
-        """
-        self._platform, self._physics, self._also = platform, physics, also
+    def __init__(self, platform: Platform, physics: Physics | None) -> None:
+        """``physics``: the simulated world that the platform's interface commands; None if the world is real."""
+        self._platform, self._physics = platform, physics
         self.restored()
-
-    def there(self) -> frozenset[str]:
-        """Collect the names of the believed objects."""
-        return frozenset(self._platform.scene.world.names())
 
     def untouched(self) -> bool:
         """Check whether only declared effects have changed the world."""
@@ -81,20 +69,26 @@ class ActionEffects:
             time = now()
         except PlanStructureError:  # without a running plan, no time passes
             return
-        belief, changes = self._platform.belief, self._believed
-        passed = belief.heated_until(time)
-        if passed > 0 and any(map(changes.matter.is_on, changes.matter.states)):
-            belief.happened(warm(belief.state, passed, self._platform.scene.mirror.queries))
+        passed = self._platform.belief.heated_until(time)
+        if passed > 0:
+            self._platform.belief.happened(warm(self._platform.belief.state, passed, self._queries))
 
     @property
-    def _believed(self) -> Changes:
-        return self._platform.scene.world.changes
+    def _queries(self) -> Queries:
+        return self._platform.scene.mirror.queries
+
+    @property
+    def _matter(self) -> Matter:
+        return self._platform.belief.state.matter
+
+    def _type_of(self, name: str) -> str:
+        return type_of(self._platform.belief.state, name, self._queries)
 
     def of(self, action: Action) -> Effects:
         """Collect the effects that an action's class declares, and the inputs and outputs that the action states."""
-        ontology = self._platform.belief.map.ontology
+        ontology, *also = self._platform.belief.map.declaring
         ancestors = [expand(cls) for cls in self._platform.ancestors(action.type)]
-        effects = effects_of(ontology, expand(action.type), ancestors, self._also)
+        effects = effects_of(ontology, expand(action.type), ancestors, also)
         destroyed, created = (
             tuple(known(ontology, what.type) for what in _objects(action, name))
             for name in ("inputs_destroyed", "outputs_created")
@@ -102,7 +96,7 @@ class ActionEffects:
         return replace(
             effects,
             destroyed=(*effects.destroyed, *destroyed),
-            created=narrowest((ontology, *self._also), (*effects.created, *created)),
+            created=narrowest((ontology, *also), (*effects.created, *created)),
         )
 
     def may_create(self, what: Object, actions: Iterable[str]) -> bool:
@@ -110,7 +104,7 @@ class ActionEffects:
         effects = (self.of(Action(action)) for action in actions)
         created = [
             *(cls for one in effects for cls in one.created),
-            *(one.output for one in self._believed.rules.heating),
+            *(one.output for one in self._queries.rules.heating),
         ]
         return any(self._is_a(cls, what.type) for cls in created)
 
@@ -124,9 +118,10 @@ class ActionEffects:
             try:
                 name = self._platform.scene.bodies.bind(what)
             except ObjectUnresolvable:
-                return min(due(self._believed, self._believed.bodies.bodies, what.type), default=None)
+                state = self._platform.belief.state
+                return min(due(state, state.poses, self._queries, what.type), default=None)
             if self.of(action).turned:
-                return min(due(self._believed, [name]), default=None)
+                return min(due(self._platform.belief.state, [name], self._queries), default=None)
         return None
 
     def begins(self, by_motions: Collection[type[Change]]) -> Begun:
@@ -142,13 +137,13 @@ class ActionEffects:
         effects = replace(self.of(action), completes=())
         if not effects:
             return
-        before = set(self._platform.scene.world.names())
+        before = self._platform.belief.state
         if effects.flow_rate is None:  # pouring creates only the object that lands
             self._transform(action, effects, begun)
         self._turn_over(action, effects, begun)
         self._switch(action, effects, begun)
         self._pour(action, effects, begun)
-        self._update_belief(before, {})
+        self._platform.belief.learn()
         self._name_what_landed(action, effects, before)
 
     # One kind of effect after the other
@@ -157,11 +152,11 @@ class ActionEffects:
         """Replace destroyed objects, and contents of vessels, by the objects created."""
         things, used = [], []
         for what, name in self._bound(action, ACTED_ON):
-            types = {self._believed.type_of(name), what.type} if self._platform.belief.means(what, name) else set()
+            types = {self._type_of(name), what.type} if self._platform.belief.means(what, name) else set()
             if any(self._is_a(type, cls) for type in types for cls in effects.destroyed):
                 things.append(name)
             else:
-                content = self._believed.matter.contents.get(name, {})
+                content = self._matter.contents.get(name, {})
                 # A designator of the vessel itself stands for everything in it, one of a substance for that only.
                 whole = what.iri is not None or self._platform.belief.means(what, name)
                 meant = [type for type in content if whole or self._is_a(type, what.type)]
@@ -171,13 +166,14 @@ class ActionEffects:
         things, used = list(dict.fromkeys(things)), list(dict.fromkeys(used))
         outputs = dict(self._outputs(action, effects.created))
         vessel = self._vessel(action, effects, things, used)
-        amounts = tuple((name, self._usual_amount(self._believed.type_of(name)) or 0.0) for name in things)
-        before = set(self._platform.scene.world.names())
+        amounts = tuple((name, self._usual_amount(self._type_of(name)) or 0.0) for name in things)
         self._do(Transformed(amounts, tuple(used), tuple(outputs), vessel), begun)
-        self._update_belief(before, {output.name: described for output, described in outputs.items()})
-        for output, described in outputs.items():
-            if described is not None and output.name in self._platform.belief.memory.made:
-                self._platform.belief.bound_to(described, output.name)
+        named = {output.name: described for output, described in outputs.items() if described is not None}
+        belief = self._platform.belief
+        belief.learn({name: described.iri for name, described in named.items() if described.iri is not None})
+        for name, described in named.items():
+            if name in belief.memory.made:
+                belief.bound_to(described, name)
 
     def _outputs(self, action: Action, created: Sequence[str]) -> Iterator[tuple[Output, Object | None]]:
         """Yield created objects under names that are free in all worlds, each with the action's designator of it."""
@@ -195,12 +191,12 @@ class ActionEffects:
         self, action: Action, effects: Effects, things: Sequence[str], used: Sequence[tuple[str, str]]
     ) -> str | None:
         """Choose the vessel of a product: one that the action names, one of an input, else one of a usual class."""
-        changes = self._believed
+        state, queries = self._platform.belief.state, self._queries
         named = [name for _, name in self._bound(action, VESSELS)]
-        below = [one for one in map(changes.under, things) if one is not None and one in changes.bodies.bodies]
+        below = [one for one in (queries.under(state, thing) for thing in things) if one is not None]
         usual = [name for cls in effects.vessels for name in self._nearest(cls)]
         every = (*named, *(name for name, _ in used), *below, *usual)
-        return next((name for name in every if name not in things and changes.is_vessel(name)), None)
+        return next((name for name in every if name not in things and is_vessel(state, name, queries)), None)
 
     def _nearest(self, cls: str) -> list[str]:
         """List the believed objects of a class, nearest to the robot first."""
@@ -211,12 +207,11 @@ class ActionEffects:
     def _turn_over(self, action: Action, effects: Effects, begun: Begun) -> None:
         for name in self._turning(action, effects):
             self._do(TurnedOver(name), begun)
-            self._platform.belief.turned_over(name, self._platform.scene.world.pose(name))
 
     def _turning(self, action: Action, effects: Effects) -> Iterator[str]:
         """Yield the objects that an action turns over, without those that a hand still holds."""
         for what, name in self._bound(action, ACTED_ON) if effects.turned else ():
-            types = (what.type, self._believed.type_of(name))
+            types = (what.type, self._type_of(name))
             fits = any(self._is_a(one, cls) for one in types for cls in effects.turned)
             if fits and name not in self._platform.belief.held:
                 yield name
@@ -228,24 +223,18 @@ class ActionEffects:
             return None
         return {name: self._platform.belief.pose(name) for name in self._turning(action, effects)}
 
-    async def check_turned(self, lay: Mapping[str, Pose]) -> None:
-        """Raise ObjectNotTurned for an object that is seen to lie as before."""
-        for name, pose in lay.items():
-            await check_turned(self._platform, name, pose)
-
     def _switch(self, action: Action, effects: Effects, begun: Begun) -> None:
         named = self._bound(action, ("object_acted_on", "device_used")) if effects.states else ()
         devices = {one.device for one in self._platform.scene.world.scene.controls}
         for name in sorted((name for _, name in named), key=lambda name: name not in devices)[:1]:
             self._do(Switched(name, shorten(effects.states[0])), begun)
-            self._platform.belief.switched(name, shorten(effects.states[0]))
 
     def _pour(self, action: Action, effects: Effects, begun: Begun) -> None:
         if effects.flow_rate is None:
             return
         acted = self._bound(action, (*ACTED_ON, "device_used", "from_location"))
         goals = [name for _, name in self._bound(action, ("to_location",))]
-        what, source = next(((w, name) for w, name in acted if name in self._believed.matter.contents), (None, None))
+        what, source = next(((w, name) for w, name in acted if name in self._matter.contents), (None, None))
         target = next((name for name in (*goals, *(name for _, name in acted)) if name != source), None)
         if what is None or source is None or target is None:
             return
@@ -253,14 +242,13 @@ class ActionEffects:
         if isinstance(stated, int | float):
             amount = float(stated)
         else:  # "pour the mix" empties the vessel, "pour from the bottle" pours the usual amount
-            total = self._believed.matter.total(source)
+            total = self._matter.total(source)
             amount = effects.amount or 0.0 if self._platform.belief.means(what, source) else total
-        flowed = self._do(Poured(source, target, amount), begun)
-        self._platform.belief.poured(source, target, flowed)
+        self._do(Poured(source, target, amount), begun)
 
-    def _name_what_landed(self, action: Action, effects: Effects, before: set[str]) -> None:
+    def _name_what_landed(self, action: Action, effects: Effects, before: WorldState) -> None:
         """Bind the outputs that a pouring action states to the object that has landed where it poured."""
-        new = [name for name in self._platform.scene.world.names() if name not in before]
+        new = [name for name in self._platform.belief.state.made if name not in before.made]
         for what in _objects(action, "outputs_created") if effects.flow_rate is not None else ():
             for name in new[:1]:
                 self._platform.belief.bound_to(what, name)
@@ -269,45 +257,17 @@ class ActionEffects:
 
     def _is_free(self, name: str) -> bool:
         """Check that no thing has a name, nor ever had it, as it is believed and in truth."""
-        is_free_here = is_free(self._platform.belief.state, name, self._platform.scene.mirror.queries)
+        is_free_here = is_free(self._platform.belief.state, name, self._queries)
         return is_free_here and (self._physics is None or self._physics.is_free(name))
 
-    def _do(self, change: Change, begun: Begun) -> float:
-        """Apply a change to the belief and to the true world; return the amount believed to have flowed [ml]."""
+    def _do(self, change: Change, begun: Begun) -> None:
+        """Apply a change to the belief and to the true world."""
         belief = self._platform.belief
-        state, flowed = apply(change, belief.state, self._platform.scene.mirror.queries)
-        belief.happened(state)
+        state, flowed = apply(change, belief.state, self._queries)
+        belief.happened(state, replace(change, amount=flowed) if isinstance(change, Poured) else change)
         physics = None if isinstance(change, begun.by_motions) else self._physics
         if physics is None or not physics.bring_about(change, begun.simulated):
             begun.done_by_motions.append(change)
-        return flowed
-
-    def _update_belief(self, before: set[str], outputs: Mapping[str, Object | None]) -> None:
-        """Remove destroyed objects of the planning scene from the belief, and add new ones."""
-        belief = self._platform.belief
-        for name in sorted(before - set(self._platform.scene.world.names())):
-            if not belief.is_gone(name):
-                belief.destroyed(name)
-        self.learn(before, outputs)
-
-    def learn(self, before: Collection[str], outputs: Mapping[str, Object | None] = MappingProxyType({})) -> None:
-        """Add the objects that are new in the planning scene to the belief.
-
-        ``outputs``: name of a new object -> the action's designator of it.
-        """
-        world, belief = self._platform.scene.world, self._platform.belief
-        new = belief.state.made.keys() - belief.memory.made.keys()
-        for name in (name for name in world.names() if name not in before and name in new):
-            body, what = world.scene.body(name), outputs.get(name)
-            iri = (None if what is None else what.iri) or belief.new_iri(name)
-            thing = MapObject(iri, name, self._types(expand(body.type)), None, body.size)
-            belief.came_to_be(thing, world.pose(name))
-
-    def _types(self, cls: str) -> tuple[str, ...]:
-        """List a class and, if only the recipe declares it, the nearest of its superclasses that the map knows."""
-        above = (one for ontology in self._also for one in ontology.ancestors(cls))
-        known_ones = filter(self._platform.belief.map.ontology.defined, above)
-        return tuple(dict.fromkeys((cls, *islice(known_ones, 1))))
 
     def _bound(self, action: Action, properties: Iterable[str]) -> list[tuple[Object, str]]:
         """Resolve the objects that fill properties of an action to names; leave out missing and destroyed ones."""
@@ -317,59 +277,17 @@ class ActionEffects:
                 name = self._platform.scene.bodies.bind(what)
             except ObjectUnresolvable:
                 continue
-            if name in self._believed.bodies.bodies and name not in self._believed.bodies.removed:
+            if self._platform.belief.state.there(name):
                 bound.append((what, name))
         return list(dict.fromkeys(bound))
 
     def _is_a(self, type: str, cls: str) -> bool:
-        return self._believed.rules.is_a(shorten(type), shorten(cls))
+        return self._queries.rules.is_a(shorten(type), shorten(cls))
 
     def _usual_amount(self, type: str) -> float | None:
-        every = (self._platform.belief.map.ontology, *self._also)
+        every = self._platform.belief.map.declaring
         amounts = (number_of_class(ontology, [expand(type)], "amount") for ontology in every)
         return next((amount for amount in amounts if amount is not None), None)
-
-
-class ModuleWithEffects(WrappedModule):
-    """Process module that applies the effects declared by an action's class after performing it."""
-
-    def __init__(self, module: ProcessModule, effects: ActionEffects, stated: Sequence[str] = ()) -> None:
-        """``stated``: attributes of earlier versions that the module has set, of ``LEFT_TO_MOTIONS``."""
-        super().__init__(module)
-        self._effects, self._stated = effects, stated
-
-    @property
-    def failures(self) -> Sequence[type[Exception]]:
-        """Failure classes that it may raise, including that of an object that did not turn over."""
-        return (*super().failures, ObjectNotTurned)
-
-    async def execute(self, action: Action) -> Any:
-        """Perform the action, then apply its effects.
-
-        Raises PlanStructureError if the module has changed the world by itself, and ObjectNotTurned if the action's
-        class turns objects over and none has turned.
-        """
-        self._effects.catch_up()
-        if (due := self._effects.due(action)) is not None:
-            await sleep(due)
-        before, lay = self._effects.there(), self._effects.lying(action) or {}
-        begun = self._effects.begins([kind for name in self._stated for kind in LEFT_TO_MOTIONS[name]])
-        result = await super().execute(action)
-        self._effects.learn(before)
-        self._effects.catch_up()
-        if not self._effects.untouched():
-            raise PlanStructureError(
-                f"process module {self.name} has changed the world itself, which only declared effects may do: state "
-                "an ObjectChange for the class of its actions (docs/guides/modules.md)"
-            )
-        there = self._effects.lying(action)
-        self._effects.apply(action, begun)
-        self._effects.restored()
-        if there == {}:
-            raise ObjectNotTurned(f"there is nothing that {local_name(action.type)} could turn over")
-        if there and any(isinstance(change, TurnedOver) for change in begun.done_by_motions):
-            await self._effects.check_turned(there | lay)
-        return result
 
 
 def _objects(action: Action, name: str) -> Iterator[Object]:

@@ -113,6 +113,14 @@ class Arms:
         holding, thing = self.holding(arms), self.thing_of(action)
         return [arm for arm in holding if self._holds(arm, thing)] or holding
 
+    def with_stated(self, action: Action) -> list[ArmModel]:
+        """List the arms that hold the object that a step names; if it names none, those that hold one for the step."""
+        scene, what = self._control.scene, action.get("object_acted_on")
+        if not isinstance(what, Object):
+            return self.holding_for(action, scene.arms.all)
+        name = scene.bodies.bind(what)
+        return [arm for arm in scene.arms.all if self._holds(arm, name)]
+
     def opened_by(self, action: Action, arms: Sequence[ArmModel]) -> list[ArmModel]:
         """List the arms whose hand a step opens, best first, if it names none; none of them drops anything.
 
@@ -255,7 +263,7 @@ class Arms:
         MotionError if no path is found within ``iterations``.
         """
         control = self._control
-        chain, base, start = arm.solver.chain, control.base(), control.arm_joints(arm)
+        chain, base, start = arm.chain, control.base(), control.arm_joints(arm)
         space = JointSpace.of(arm.lower, arm.upper, continuous=chain.continuous, resolution=arm.resolution)
         quick = control.scene.collisions.quick_check(arm, touches)
 
@@ -298,7 +306,7 @@ class Arms:
         held = self._control.scene.arms.held(arm.name)
         if held is None or held.largest_tilt is None:
             return None
-        usual = Upright(arm.solver.chain, held.up, SHARE * held.largest_tilt)
+        usual = Upright(arm.chain, held.up, SHARE * held.largest_tilt)
         ends = usual.tilts(np.stack([self._control.arm_joints(arm), goal]))
         return replace(usual, limit=max(usual.limit, float(ends.max()) + HAIR))
 
@@ -331,9 +339,9 @@ class Arms:
                 if pairs is None or pairs
             )
 
-        chain = arm.solver.chain
+        chain = arm.chain
         begin, end = chain.fk(start)[0], matrices.product(Pose.planar(*base).inverse().matrix(), pose)
-        line = cartesian_path(arm.solver, start, begin, end, is_free)
+        line = cartesian_path(arm.chain, start, begin, end, is_free)
         if line.waypoints is None:
             raise MotionError(line.reason)
         for timing in (time_curve, time_path):  # a curve is faster, but may leave the line or the joint limits

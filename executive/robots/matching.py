@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 
-from executive.robots.closed_world import ClosedWorld, cardinality, conjunction, disjunction, negation
+from executive.robots.closed_world import ClosedWorld, cardinality, combined
 from executive.robots.requirements import (
     NEEDED,
     Availability,
@@ -179,21 +179,13 @@ class Matcher:
         """Check a combination of capabilities with and, or, not."""
         below: list[Finding] = []
 
-        def evaluate(expression: Expression) -> Availability:
-            if expression.kind == "name" and isinstance(expression.term, str):
-                below.append(replace(self.capability(expression.term), counts=False))
-                return below[-1].state
-            states = [evaluate(part) for part in expression.parts]
-            match expression.kind:
-                case "and":
-                    return together(states)
-                case "or":
-                    return together(states, any_of=True)
-                case "not":
-                    return {AVAILABLE: MISSING, MISSING: AVAILABLE}.get(states[0], UNKNOWN)
-            return UNKNOWN
+        def decide(part: Expression) -> bool | None:
+            if part.kind != "name" or not isinstance(part.term, str):
+                return None
+            below.append(replace(self.capability(part.term), counts=False))
+            return below[-1].state.decided
 
-        state = evaluate(needed.expression)
+        state = Availability.of(combined(needed.expression, decide))
         return Finding(FindingKind.CAPABILITY, needed.text, None, state, "", None, tuple(below), required=needed.span)
 
     # -- components
@@ -208,14 +200,15 @@ class Matcher:
         matching = [part for part, answer in zip(self.robot.parts, answers, strict=True) if answer]
         if enough:
             return self._usable(needed, matching)
-        who = self.robot.robot
+        who, state = self.robot.robot, UNKNOWN
         if enough is None or (name is not None and not self.world.is_known(name)):
-            return Finding(FindingKind.COMPONENT, text, name, UNKNOWN, "no ontology defines it", None, (), needed.span)
-        if self.robot.model is None and not matching and not self._shows(name):
+            reason = "no ontology defines it"
+        elif self.robot.model is None and not matching and not self._shows(name):
             reason = f"{who} has no self-model to decide"
-            return Finding(FindingKind.COMPONENT, text, name, UNKNOWN, reason, None, (), needed.span)
-        reason = f"{who} has {f'only {len(matching)}' if matching and kind != 'max' else len(matching) or 'none'}"
-        return Finding(FindingKind.COMPONENT, text, name, MISSING, reason, None, (), needed.span)
+        else:
+            count = f"only {len(matching)}" if matching and kind != "max" else len(matching) or "none"
+            state, reason = MISSING, f"{who} has {count}"
+        return Finding(FindingKind.COMPONENT, text, name, state, reason, None, (), needed.span)
 
     def _usable(self, needed: Requirement, parts: Sequence[Part]) -> Finding:
         """Check what fitting parts require in turn: a recognition system may need a model of an object."""
@@ -243,23 +236,10 @@ class Matcher:
     def _fits(self, part: Part, classes: Collection[str], needed: Requirement) -> bool | None:
         if needed.name is not None and (part.iri == needed.name or needed.name in classes):
             return True
-        if part.iri is None:
-            return self._by_classes(classes, needed.expression)
-        return self.world.satisfies(part.iri, needed.expression)
-
-    def _by_classes(self, classes: Collection[str], expression: Expression) -> bool | None:
-        """Evaluate an expression for a part of which only the classes are known, superclasses included."""
-        answers = [self._by_classes(classes, one) for one in expression.parts]
-        match expression.kind:
-            case "name":
-                return str(expression.term) in classes
-            case "and":
-                return conjunction(answers)
-            case "or":
-                return disjunction(answers)
-            case "not":
-                return negation(answers[0])
-        return None
+        if part.iri is not None:
+            return self.world.satisfies(part.iri, needed.expression)
+        # Of a part that the URDF implies only the classes are known, superclasses included.
+        return combined(needed.expression, lambda one: str(one.term) in classes if one.kind == "name" else None)
 
     def _shows(self, name: str | None) -> bool:
         """Check whether a URDF shows if a robot has parts of this class."""

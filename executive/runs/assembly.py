@@ -24,25 +24,25 @@ from executive.belief.scene_collisions import BasePose
 from executive.belief.snapshots import changed_since, with_changes
 from executive.locations import Resolver
 from executive.maps import SemanticMap, default_starts
-from executive.modules.effects import ActionEffects, ModuleWithEffects
-from executive.modules.looking_first import LookingFirst
-from executive.modules.noting_hands import NotingHands
+from executive.modules.around_actions import RobotModule
+from executive.modules.effects import ActionEffects
 from executive.modules.platform import Platform
 from executive.robots import CARRYING, Robot
-from executive.robots.handle import RobotHandle, RobotModel
+from executive.robots.arms import RobotHandle, RobotModel
 from planlang.action_classes import ancestors_of
 from planlang.action_conditions import declared
 from planlang.changes import Physics
 from planlang.designators import Action, Condition, Device, FixedPose, Location, Object, a_posture, action
 from planlang.diagnostics import BadInput, Span, error
 from planlang.failures import LocationUnresolvable, ObjectNotFound, ObjectUnresolvable
-from planlang.language.process_module import ModuleOnce, ProcessModule, stated_as_before
-from planlang.ontology import Ontology, expand, shorten
+from planlang.language.process_module import ProcessModule
+from planlang.ontology import expand, shorten
 from planlang.progress import Report, unreported
 from planlang.protocols import Configuration, RobotInterface, Solution
-from planlang.state import Hold, restored, saved
+from planlang.state import Hold
 from planlang.words import Blank, Option, Text
 from sim import PlanningWorld, PyBulletWorld, Scene, WorldMirror, perturb
+from sim.mirror import become
 from sim.truth import ROBOT
 
 MOST_STARTS = 5000
@@ -74,10 +74,7 @@ def world_at_start(
         message = "no link has a shape (<collision> or <visual>): collisions cannot be checked"
         raise BadInput([error("B015", message, Span(str(robot.urdf)))])
     if held:
-        state = world.world_state(robot.name)
-        for name, hold in held.items():
-            state = state.gripped(name, hold)
-        world = WorldMirror(world, robot.name).at(state)
+        world = WorldMirror(world, robot.name).at(world.world_state(robot.name).gripping(held))
     if start is not None:
         _check_start(world)
     now = world.configuration()
@@ -162,43 +159,35 @@ def take(platform: Platform, truth: PyBulletWorld, held: Mapping[str, Hold]) -> 
     for name, hold in held.items():
         scene, arm = platform.scene, next(arm for arm in platform.scene.arms.all if arm.name == hold.arm)
         base, q = platform.base(), platform.arm_joints(arm)
-        in_hand = scene.belief.state.placed({name: scene.world.link_pose(hold.link) @ hold.offset})
-        fingers = scene.supposing(in_hand).collisions.closed_on(base, arm, q, name)
+        supposed = scene.belief.state.placed({name: scene.world.link_pose(hold.link) @ hold.offset})
+        fingers = scene.supposing(supposed).collisions.closed_on(base, arm, q, name)
         there = Configuration(base, {**state.robots[ROBOT].joints, **(fingers or {})})
-        state = state.with_robot(ROBOT, there).gripped(name, hold)
+        state = state.with_robot(ROBOT, there).placed({name: truth.link_pose(hold.link) @ hold.offset})
+        state = state.gripped(name, hold)
         platform.belief.grasped(name, *hold)
     if held:
-        truth.begin(state)
+        become(truth, ROBOT, state)
 
 
 class RobotExecutive:
     """Implements :class:`planlang.language.executive.Executive` for one platform."""
 
     def __init__(
-        self,
-        platform: Platform,
-        modules: Iterable[Callable[[Platform], ProcessModule]],
-        physics: Physics | None,
-        also: Sequence[Ontology] = (),
+        self, platform: Platform, modules: Iterable[Callable[[Platform], ProcessModule]], physics: Physics | None
     ) -> None:
         """``modules`` are classes of process modules; the first that performs an action is used.
 
         ``physics`` is the simulated world that the platform's interface commands, in which effects come true; None if
-        the interface is that of a real robot. Ontologies ``also`` declare effects, beside the map: recipes.
+        the interface is that of a real robot.
         """
         self.platform = platform
-        self._effects = ActionEffects(platform, physics, also)
+        self._effects = ActionEffects(platform, physics)
         ontology = platform.belief.map.ontology
         primitives = [iri for iri in ontology.individuals("Primitive") if ontology.values(iri, "finds")]
         self.finding = frozenset(shorten(cls) for iri in primitives for cls in ontology.iris(iri, "performsAction"))
         """Action classes that search for things, whose poses need not be known before."""
         self.modules: Sequence[ProcessModule] = tuple(
-            ModuleWithEffects(
-                LookingFirst(NotingHands(ModuleOnce(one), platform.belief), platform, self.finding),
-                self._effects,
-                stated_as_before(one),
-            )
-            for one in (create(platform) for create in modules)
+            RobotModule(create(platform), platform, self._effects, self.finding) for create in modules
         )
         self._start = self._believed()
 
@@ -293,7 +282,7 @@ class RobotExecutive:
                 return self.platform.resolver.holds(where)
             case Condition("located", (Location() as where, Object() as what)):
                 return self.platform.resolver.holds(where, what)
-        decided = decide(condition, self.platform.belief, self.platform.scene.world)
+        decided = decide(condition, self.platform.belief, self.platform.scene.mirror.queries)
         if decided is not None:
             return decided
         raise ValueError(
@@ -337,21 +326,14 @@ class RobotExecutive:
         return {"base": list(self.platform.base()), **changed_since(self._start, self._believed())}
 
     def _believed(self) -> dict[str, Any]:
-        platform = self.platform
-        return {
-            "belief": platform.belief.snapshot(),
-            "things": saved(platform.belief.state),
-            "leaning": sorted(platform.leaning),
-        }
+        return {**self.platform.belief.snapshot(), "leaning": sorted(self.platform.leaning)}
 
     def restore(self, changed: Mapping[str, Any]) -> None:
         """Restore the belief from a snapshot. Raises ValueError if it does not fit."""
         platform = self.platform
         try:
             left = with_changes(self._start, changed)
-            known = {body.name for body in platform.scene.world.scene.bodies}
-            platform.belief.happened(restored(platform.belief.state, left["things"], known))
-            platform.belief.restore(left["belief"])
+            platform.belief.restore(left)
             platform.leaning.update(map(str, left["leaning"]))
             self._effects.restored()
         except (KeyError, TypeError, AttributeError) as problem:

@@ -183,8 +183,7 @@ class Run:
         )
         held = in_hands(robot, subject.map, subject.scene)
         if not assessment.missing or options.force:
-            things = [(hold.link, subject.scene.body(name), hold.offset) for name, hold in held.items()]
-            robot = with_carrying(robot, things, options.long_work)
+            robot = with_carrying(robot, held, subject.scene, options.long_work)
         advice = self._advise_trust(robot, assessment)
         found += (*robot.diagnostics, *assessment.notes(self.files.plan), *advice)
         self._context = partial(self._page_context, subject, tuple(found), advice, assessment.missing)
@@ -193,7 +192,7 @@ class Run:
             found += able_robots(self.files, lambda one: not self._assessment(subject, one).missing)
         options.announce(found)
         platform, truth = self._assemble(subject, robot, given, held)
-        executive = RobotExecutive(platform, self._modules, truth, self._recipe)
+        executive = RobotExecutive(platform, self._modules, truth)
         if not isinstance(earlier, Past):  # skipped steps may have destroyed the thing of a parameter
             self._check_things(subject, executive)
         if self._lacks(assessment):  # after the map: another robot would not help
@@ -224,7 +223,8 @@ class Run:
         ontology = read(load, files.environment, folders=options.folders, also=files.additions)
         semantic_map = read(read_map, ontology, ignore_unread=options.ignore_unread)
         found += (*ontology.diagnostics, *semantic_map.diagnostics)
-        scene = scene_of(semantic_map, found, self._recipe)
+        semantic_map = replace(semantic_map, recipes=self._recipe)
+        scene = scene_of(semantic_map, found)
         if files.recorded is not None and not options.set:
             bound = recorded_parameters(files.recorded, plan_parameters(self.plan))
         else:

@@ -40,12 +40,9 @@ class Lowering(HandReaching):
 
     def _arms(self, action: Action) -> list[ArmModel]:
         """Find the arms that hold the object to put down; without ``object_acted_on`` all that hold something."""
-        scene, what = self.platform.scene, action.get("object_acted_on")
-        name = scene.bodies.bind(what) if isinstance(what, Object) else None
-        full = self.platform.arms.holding_for(action, scene.arms.all)
-        arms = [arm for arm in full if (held := scene.arms.held(arm.name)) is not None and name in (None, held.name)]
+        what, arms = action.get("object_acted_on"), self.platform.arms.with_stated(action)
         if not arms:
-            missing = "an object" if name is None else name
+            missing = self.platform.scene.bodies.bind(what) if isinstance(what, Object) else "an object"
             raise ActionUnresolvable(f"no hand holds {missing} to put down; grasp it first", designator=str(action))
         return arms
 
@@ -82,9 +79,9 @@ class Lowering(HandReaching):
             out = above.copy()
             out[:3, 3] += distance * rotated(scene.bodies.pose(body.name).rotation, direction)
             ends = base @ out, base @ above
-            joints, reached = arm.solver.solve(np.repeat(ends[0][None], len(arm.seeds), axis=0), arm.seeds[:, None])
+            joints, reached = arm.chain.solve(np.repeat(ends[0][None], len(arm.seeds), axis=0), arm.seeds[:, None])
             for q in joints[reached]:
-                if is_free(q) and cartesian_path(arm.solver, q, *ends, is_free).waypoints is not None:
+                if is_free(q) and cartesian_path(arm.chain, q, *ends, is_free).waypoints is not None:
                     return np.asarray(q)
         return None
 
