@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +22,7 @@ from planlang.progress import Report, Share, unreported
 from planlang.protocols import Configuration, RobotInterface
 from planlang.records import dataclass
 from planlang.state import Hold, WorldState
-from sim import Body, PlanningWorld, Scene, WorldMirror
+from sim import PlanningWorld, Scene, WorldMirror
 
 SAMPLES = 400
 """Number of random configurations from which the reach of an arm is estimated."""
@@ -33,6 +34,9 @@ AROUND = 0.01
 """Distance that a shape reaches beyond the grip point to all sides if it covers it [m]."""
 TURN_STEP, SLIDE_STEP = 0.08, 0.02
 """Resolution of collision checks along motions of revolute and prismatic joints [rad], [m]."""
+
+NOTHING = Scene(())
+"""An empty room."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -353,18 +357,21 @@ ORIGIN = (0.0, 0.0, 0.0)
 """Base pose in the world of the search."""
 
 
-def with_carrying(robot: Robot, held: Sequence[tuple[str, Body, Pose]] = (), report: Report = unreported) -> Robot:
+def with_carrying(
+    robot: Robot,
+    held: Mapping[str, Hold] = MappingProxyType({}),
+    scene: Scene = NOTHING,
+    report: Report = unreported,
+) -> Robot:
     """Add a carrying posture to a robot: free of contact, hands level, as narrow as possible.
 
-    ``held`` are the objects that it holds: link, body, and pose in the frame of the link. A robot that has a carrying
-    posture keeps it unless they touch something there. ``report`` receives the progress of the search.
+    ``held`` are the objects of a scene that it holds. A robot that has a carrying posture keeps it unless they touch
+    something there. ``report`` receives the progress of the search.
     """
     if (CARRYING in robot.postures and not held) or not robot.arms:
         return robot
-    world = PlanningWorld(Scene(tuple(body for _, body, _ in held)), robot.body())
-    mirror, state = WorldMirror(world, robot.name), world.world_state(robot.name)
-    for link, body, offset in held:
-        state = state.gripped(body.name, Hold(link, link, offset))
+    world = PlanningWorld(Scene(tuple(map(scene.body, held))), robot.body())
+    mirror, state = WorldMirror(world, robot.name), world.world_state(robot.name).gripping(held)
     try:
         if CARRYING in robot.postures and not mirror.at(state).contacts():
             return robot

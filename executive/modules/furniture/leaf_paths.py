@@ -170,7 +170,7 @@ class LeafPaths:
         scene, bodies = self._scene, self._scene.bodies
         fixed = {name for one in scene.belief.joints.values() for name in (*one.bodies, one.holder)}
         fixed.update(name for name in bodies.names() if bodies.is_room(name))
-        fixed.update(scene.belief.carried())
+        fixed.update(scene.belief.state.carried())
         blocking = (name for name in self.rejected.ordered_blocking() if name not in fixed and name in bodies.names())
         for name in islice(blocking, MOST_TRIED):
             if self.reach(scene=scene.supposing(scene.belief.state.placed({name: None}))):
@@ -245,7 +245,7 @@ class LeafPaths:
     def _unswept(self, bases: Array, values: Array) -> NDArray[np.intp]:
         """Count the leading values (m,) at which the leaf does not overlap bases (m, 3), approximated by circles."""
         joint, scene = self._joint, self._scene
-        leaf, radius = scene.world.scene.body(joint.leaf), 0.8 * scene.base_radius
+        leaf, radius = scene.world.scene.body(joint.leaf), 0.8 * scene.robot.base.radius
         free = np.ones((len(bases), len(values)), bool)
         for number, value in enumerate(values.tolist()):
             pose = joint.motion(value) @ leaf.pose
