@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from executive.cli.authoring_arguments import ConvertArguments
-from executive.cli.console import Answer
+from executive.cli.console import Answer, text_answer
 from executive.runs.files import refuse
 from planlang.diagnostics import error, settled
 from planlang.files import Bundled
 from planlang.ontology import Literal
 from planlang.ontology.convert import Target, convert
-from planlang.outputs import check_outputs, write_text
+from planlang.outputs import check_outputs
 from planlang.units import chosen_units, in_chosen_unit, unit_of
 
 
@@ -30,8 +28,5 @@ def command(arguments: ConvertArguments) -> Answer:
             if name not in written
         ]
     )
-    if output is not None:
-        write_text(output, converted.text)
-    data: dict[str, Any] = {"output": str(output)} if output is not None else {"source": converted.text}
-    text = converted.text if output is None else f"{output}: {len(converted.triples)} statements"
-    return Answer(diagnostics=(*converted.diagnostics, *left_out), text=text, data=data)
+    told, diagnostics = f"{len(converted.triples)} statements", (*converted.diagnostics, *left_out)
+    return text_answer(converted.text, output, told, diagnostics)
