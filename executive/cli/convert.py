@@ -8,7 +8,7 @@ from executive.runs.files import refuse
 from planlang.diagnostics import error, settled
 from planlang.files import Bundled
 from planlang.ontology import Literal
-from planlang.ontology.convert import Target, convert
+from planlang.ontology.convert import convert
 from planlang.outputs import check_outputs
 from planlang.units import chosen_units, in_chosen_unit, unit_of
 
@@ -18,7 +18,7 @@ def command(arguments: ConvertArguments) -> Answer:
     path, output = Bundled.RECIPE.find(arguments.file), arguments.output
     refuse(check_outputs({"--output": output}, {"the file": path}, force=arguments.force))
     units = chosen_units(arguments.units or ())
-    converted = convert(path, Target(arguments.to.value), lambda literal: in_chosen_unit(literal, units))
+    converted = convert(path, arguments.to, lambda literal: in_chosen_unit(literal, units))
     left_out = settled(converted.unread, ignore_unread=arguments.ignore_unread)
     written = {unit_of(one.object) for one in converted.triples if isinstance(one.object, Literal)}
     refuse(
