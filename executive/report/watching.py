@@ -138,7 +138,7 @@ class Entities:
         belief, state = self._belief, self._belief.state
         if self._told == (told := (state.poses, state.held, state.away)):
             return
-        self._told, names = told, set(belief.names()) - set(belief.carried())
+        self._told, names = told, set(belief.names()) - set(state.carried())
         for name in sorted(path[1] for path in self.move if path[0] == "bodies" and len(path) == 2):
             pose = belief.pose(name) if name in names else None
             track = self._believed.get(name)
@@ -358,7 +358,7 @@ class Watching:
         """Build the world's part of the page's model, and its binary data by name."""
         shapes, bounds = self._shapes, [round(float(one), 3) for one in self._truth.scene.bounds]
         tracks, keys = packed(self._entities.all(), self._truth.rate, shapes.of)
-        radius = self._platform.scene.base_radius
+        radius = self._platform.scene.robot.base.radius
         room = {"bounds": bounds, "outlines": self._outlines, "radius": round(radius, 3), "start": list(self._start)}
         parts = {
             "scene": {"bounds": bounds, "meshes": shapes.meshes, "view": VIEW, **tracks},
