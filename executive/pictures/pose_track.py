@@ -146,6 +146,11 @@ class Track:
     poses: list[Pose | None] = field(default_factory=list)
     """Pose from the step with the same index on; None while the entity does not exist."""
 
+    def add(self, step: int, pose: Pose | None) -> None:
+        """Add the pose from a step on."""
+        self.steps.append(step)
+        self.poses.append(pose)
+
     def arrays(self) -> tuple[NDArray[np.int64], Array]:
         """Steps (n,), and positions and quaternions (n, 7); NaN while the entity does not exist."""
         rows = [(math.nan,) * 7 if one is None else one.position + one.orientation for one in self.poses]
@@ -161,5 +166,4 @@ class Tracks(dict[tuple[str, ...], Track]):
             track = self.get(placed.path)
             if track is None:
                 track = self[placed.path] = Track(placed.frame)
-            track.steps.append(step)
-            track.poses.append(placed.pose)
+            track.add(step, placed.pose)
