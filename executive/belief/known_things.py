@@ -19,7 +19,7 @@ from planlang.designators import Object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.geometry import Pose
 from planlang.ontology import expand
-from planlang.state import Grip, WorldState
+from planlang.state import Grip
 from sim import PlanningWorld
 from sim.joints import Articulation
 from sim.leaves import inside
@@ -56,7 +56,8 @@ class KnownThings:
         """Number of changes so far, by which the records of a trace count them."""
         self.tell: Callable[[str, Mapping[str, Any]], None] = ignore
         """Listener of changes: event, details."""
-        poses = {name: world.pose(name) for name in world.names()}
+        state = world.world_state(robot)
+        poses = dict(state.poses)
         closed = {name: world.scene.body(name).pose for joint in world.scene.joints for name in joint.bodies}
         first = poses | {name: pose for name, pose in closed.items() if name in poses}
         hidden = {name: poses.pop(name) for name in dict.fromkeys(unknown) if name in poses}
@@ -65,9 +66,8 @@ class KnownThings:
         """Where the facts of the state come from."""
         self.joints: dict[str, Articulation] = {joint.leaf: joint for joint in world.scene.joints}
         """Joints of doors, drawers, lids and knobs, by leaf."""
-        joints = {leaf: world.joint(leaf) for leaf in self.joints}
-        away, matter = frozenset(NAMES).intersection(poses), world.matter
-        self.state = WorldState({robot: world.configuration()}, poses, joints, away=away, matter=matter)
+        away = frozenset(NAMES).intersection(poses)
+        self.state = replace(state, robots={robot: world.configuration()}, poses=poses, away=away)
         """What is believed to be where; the robot as it was last observed."""
         self.devices = frozenset(control.device for control in world.scene.controls)
         """Devices with a button or a knob."""
