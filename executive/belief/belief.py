@@ -12,7 +12,7 @@ from executive.belief.known_things import KnownThings, ignore
 from executive.belief.memory import BasePose, Recognition, Source
 from executive.belief.obstacles import NAMES
 from executive.belief.snapshots import dump_belief, load_belief
-from executive.maps.semantic_map import MapObject
+from executive.maps.classes import MapObject
 from planlang.changes import Change, Poured, Switched, TurnedOver
 from planlang.geometry import Pose
 from planlang.ontology import expand

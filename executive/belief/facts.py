@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from executive.belief.belief import Belief
 from executive.belief.memory import BasePose
-from executive.maps.semantic_map import MapObject
+from executive.maps.classes import MapObject
 from planlang.designators import Condition, Object
 from planlang.failures import ObjectUnresolvable
 from planlang.state import Queries

@@ -7,7 +7,7 @@ from dataclasses import field, replace
 from enum import Enum
 from typing import NamedTuple
 
-from executive.maps.semantic_map import MapObject
+from executive.maps.classes import MapObject
 from planlang.designators import Object
 from planlang.geometry import Pose
 from planlang.ontology import Ontology
