@@ -104,7 +104,7 @@ class SceneCollisions(ScenePart):
         self._links = frozenset(world.robot.solid_names)
         self._rest = {arm.name: self._links - self._own_links(arm) for arm in model.arms}
         links, root = links_of(world), model.robot.base_link
-        self._chains = {arm.name: ArmShapes(world, links, arm.solver.chain, root, arm.tip) for arm in model.arms}
+        self._chains = {arm.name: ArmShapes(world, links, arm.chain, root, arm.tip) for arm in model.arms}
         self._checks: Kept[dict[object, QuickCheck]] = Kept()
         self._obstacles: Kept[Room] = Kept()
         self._near: Kept[Room] = Kept()

@@ -121,8 +121,6 @@ class Changes:
         """Pose of the thing displaced to a side, rounded as reported: a user will write what was tested."""
         pose = self.scene.bodies.pose(self.body)
         x, y, z = pose.position
-        if not step:
-            return pose
         return replace(pose, position=(round(x + step * float(side[0]), 2), round(y + step * float(side[1]), 2), z))
 
     def _without(self) -> str:

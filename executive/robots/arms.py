@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from executive.motion import Chain, Gaze, InverseKinematics
+from executive.motion import Chain, Gaze
 from executive.robots.mechanism import Mechanism
 from executive.robots.openings import Openings, bare_hand, openings_of
 from executive.robots.robot import CARRYING, Arm, Gripper, Robot
@@ -116,7 +116,8 @@ class ArmModel:
 
     part: Arm
     """What it is, by the self-model or the robot file."""
-    solver: InverseKinematics
+    chain: Chain
+    """From the robot's base link to the tip."""
     resolution: Array
     """Resolution of collision checks along motions, (d,) [rad, m]."""
     frame: HandFrame
@@ -172,17 +173,17 @@ class ArmModel:
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of its joints, torso included, (d,)."""
-        return self.solver.chain.names
+        return self.chain.names
 
     @property
     def lower(self) -> Array:
         """Lower limits of its joints, (d,) [rad, m]."""
-        return self.solver.chain.lower
+        return self.chain.lower
 
     @property
     def upper(self) -> Array:
         """Upper limits of its joints, (d,) [rad, m]."""
-        return self.solver.chain.upper
+        return self.chain.upper
 
     def lowest(self, rotations: Array, held: Held | None) -> Array:
         """Compute heights (m,) of the lowest point of hand and held object above the tip, for rotations (m, 3, 3)."""
@@ -264,7 +265,7 @@ def _model(robot: Robot, arm: Arm, world: PlanningWorld) -> ArmModel:
     fingers = arm.gripper.finger_links if arm.gripper is not None else ()
     return ArmModel(
         part=arm,
-        solver=InverseKinematics(chain),
+        chain=chain,
         resolution=np.where(chain.prismatic, SLIDE_STEP, TURN_STEP),
         frame=HandFrame(arm.approach, arm.closing),
         openings=openings_of(arm, world),
@@ -439,7 +440,7 @@ def _level(arm: Arm, chain: Chain, world: PlanningWorld, fixed: Mapping[str, flo
     ]
     middle = np.clip((chain.lower + chain.upper) / 2, -np.pi, np.pi)
     seeds = np.concatenate([middle[None], chain.sample(rng, SEEDS)])
-    q, ok = InverseKinematics(chain).solve(np.stack(targets), np.repeat(seeds[None], len(targets), axis=0))
+    q, ok = chain.solve(np.stack(targets), np.repeat(seeds[None], len(targets), axis=0))
     solutions: Array = q[ok]
     return solutions
 

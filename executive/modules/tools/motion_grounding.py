@@ -196,7 +196,7 @@ class Grounding:
     @staticmethod
     def group(motion: GroundedMotion) -> ArmGroup:
         """Combine the arms of a motion into one joint space."""
-        return ArmGroup([arm.solver.chain for arm in motion.arms])
+        return ArmGroup([arm.chain for arm in motion.arms])
 
     def touching(
         self, motion: GroundedMotion, q: Array, base: BasePose | None = None, *, clear: bool = False

@@ -89,7 +89,7 @@ def test_fingers_may_touch_the_device_whose_button_they_push_but_the_palm_may_no
     (arm,) = platform.scene.arms.all
     base = (0.0, 0.0, 0.0)
     tip = rigid(arm.frame.rotation(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])), np.array([0.6, 0.0, 0.8]))
-    q, good = arm.solver.solve(tip[None], arm.seeds[None])
+    q, good = arm.chain.solve(tip[None], arm.seeds[None])
     assert good[0], "the hand is well inside the device"
     motion = GroundedMotion((), (arm,), {}, {})
     met = {
