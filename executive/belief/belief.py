@@ -180,7 +180,7 @@ class Belief(KnownThings):
         self._become(held={**self.held, name: replace(self.held[name], riders=tuple(riders))})
 
     def released(self, name: str, pose: Pose, *, to: str | None = None) -> None:
-        """Record that an object was released: to a person, or to rest at ``pose`` with the objects on it."""
+        """Record that an object was released at ``pose``: into a person's hand, or to rest with the objects on it."""
         self._came_down(name, pose)
         self.memory = replace(self.memory, refused=without(self.memory.refused, name))
         if to is not None:
@@ -242,7 +242,8 @@ class Belief(KnownThings):
             if name in self.memory.made:
                 continue
             made, pose = self.state.made[name], self._poses[name]
-            thing = MapObject(iris.get(name, ""), name, (expand(made.type),), None, made.size)
+            iri = iris.get(name) or self.new_iri(name)
+            thing = MapObject(iri, name, self.known_types(expand(made.type)), None, made.size)
             self.memory = self.memory.created(thing, pose)
             self._changed("created", name=name, pose=pose)
 

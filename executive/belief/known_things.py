@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, islice
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,8 @@ from executive.belief.obstacles import NAMES
 from executive.maps.classes import MapObject, is_kind
 from executive.maps.contents import is_content
 from executive.maps.semantic_map import SemanticMap, namesakes
-from planlang.designators import Object
+from executive.maps.statements import namespace_of
+from planlang.designators import Object, unused_name
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.geometry import Pose
 from planlang.ontology import expand
@@ -94,6 +95,15 @@ class KnownThings:
     def things(self) -> Iterator[MapObject]:
         """Objects of the map, then created ones, including those without a pose."""
         return chain(self.map.objects, self.memory.made.values())
+
+    def new_iri(self, name: str) -> str:
+        """Make an IRI in the namespace of the map for a thing that is created."""
+        return unused_name(f"{namespace_of(self.map.iri)}{name}", {thing.iri for thing in self.things})
+
+    def known_types(self, cls: str) -> tuple[str, ...]:
+        """List a class and, if only a recipe declares it, the nearest of its superclasses that the map knows."""
+        above = (one for ontology in self.map.recipes for one in ontology.ancestors(cls))
+        return tuple(dict.fromkeys((cls, *islice(filter(self.map.ontology.defined, above), 1))))
 
     def joint(self, leaf: str) -> float:
         """Look up how far a door or drawer is believed to be open [rad, m]; 0 is closed."""
