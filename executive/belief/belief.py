@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from executive.belief.known_things import KnownThings, ignore
-from executive.belief.memory import Base, Recognition, Source
+from executive.belief.memory import BasePose, Recognition, Source
 from executive.belief.obstacles import NAMES
 from executive.belief.snapshots import dump_belief, load_belief
 from executive.maps.classes import MapObject
@@ -70,7 +70,7 @@ class Belief(KnownThings):
         self.memory = replace(self.memory, unknown=without(self.memory.unknown, name))
         self._changed("found", name=name)
 
-    def not_seen(self, name: str, base: Base) -> None:
+    def not_seen(self, name: str, base: BasePose) -> None:
         """Record that an object was looked for from a base pose and not seen."""
         in_vain = self.memory.in_vain
         self.memory = replace(self.memory, in_vain={**in_vain, name: (*in_vain.get(name, ()), base)})
@@ -83,7 +83,7 @@ class Belief(KnownThings):
         self._become(poses=without(self._poses, name))
         self._changed("not there", name=name)
 
-    def missed(self, name: str, arm: str, base: Base) -> None:
+    def missed(self, name: str, arm: str, base: BasePose) -> None:
         """Record that a hand closed on nothing where an object was believed to be."""
         self.memory = self.memory.dropping(name, (arm,))
         self.not_seen(name, base)

@@ -16,8 +16,9 @@ from executive.maps.measures import length, lengths, read_size, stated
 from executive.maps.semantic_map import SemanticMap
 from planlang.diagnostics import BadInput, Diagnostic, Severity, warning
 from planlang.effects import effects_of, heat_effects, number_of_class, number_of_individual
+from planlang.geometry.shapes import Size
 from planlang.ontology import Ontology, expand, shorten
-from planlang.state.matter import KG_PER_ML, ON, Heating, Portion, Rules, Size
+from planlang.state.matter import KG_PER_ML, ON, Heating, Portion, Rules
 from sim import Body
 from sim.movers import Mover
 from sim.scene import BodyShape
