@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from contextlib import suppress
+from functools import partial
 
 import numpy as np
 
@@ -11,7 +13,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.modules.giving_way import Lookout
 from executive.modules.platform import PlatformModule
 from executive.modules.runner import Skill
-from executive.modules.ways_out import way_out_of_base
+from executive.modules.ways_out import planned, way_out_of_base
 from executive.motion import GoalInCollision, MotionError, StartInCollision
 from planlang.designators import Action, FixedPose, Location, Object, Posture, a_location
 from planlang.failures import (
@@ -29,7 +31,8 @@ from planlang.protocols import MotionState, Trajectory
 
 REPLANS = 3
 """Paths around unexpected obstacles to try before the failure is left to the plan."""
-
+MOST_PLACES = 100
+"""Places of one exploration or search to try."""
 MOST_WAITS = 10
 """Times that another robot in the way is waited for on one path."""
 FAR, ASKEW = 0.5, 0.5
@@ -55,12 +58,13 @@ class Navigation(PlatformModule):
 
         The name of an exploration or a search stands for its next place; unreachable ones are skipped.
         """
-        while True:
-            try:
-                return await self._drive(self._goal(action))
-            except NavigationFailure:
-                if not self.platform.goes_elsewhere(action.get("to_location")):
-                    raise
+        await Skill(partial(self._goals, action), self._drive, failures=(NavigationFailure,), most=MOST_PLACES).run()
+
+    def _goals(self, action: Action) -> Iterator[BasePose]:
+        """Yield the goal of an action; for a name that stands for several places, one after the other."""
+        yield self._goal(action)
+        while self.platform.goes_elsewhere(action.get("to_location")):
+            yield self._goal(action)
 
     async def _drive(self, goal: BasePose) -> None:
         """Drive to a pose: after a touch, which changes what is believed, by another path."""
@@ -94,14 +98,8 @@ class Navigation(PlatformModule):
 
     async def _once(self, goal: BasePose, lookout: Lookout | None = None) -> None:
         """Follow a path to a pose, out of a collision first if the robot is in one."""
-        try:
-            path = self._path(goal)
-        except NavigationGoalNotReached as stuck:
-            if not isinstance(stuck.__cause__, StartInCollision) or (out := way_out_of_base(self.platform)) is None:
-                raise
-            await self._follow(out, goal, lookout)
-            path = self._path(goal)
-        await self._follow(path, goal, lookout)
+        follow = partial(self._follow, goal=goal, lookout=lookout)
+        await follow(await planned(partial(self._path, goal), partial(way_out_of_base, self.platform), follow))
 
     async def _face(self, goal: BasePose, lookout: Lookout) -> None:
         """Turn to where the way leads, as far as there is room: the camera sees what comes from there."""
@@ -135,7 +133,7 @@ class Navigation(PlatformModule):
                 return next(self.platform.resolver.bases(location)).base
         raise ActionUnresolvable("state a goal of the base: to_location, or x, y and yaw", designator=str(action))
 
-    def _path(self, goal: BasePose) -> Trajectory:
+    async def _path(self, goal: BasePose) -> Trajectory:
         if self.platform.robot.base.fixed:
             what = "the base is fixed: start it where all is within its reach"
             raise NavigationPoseUnreachable(what, target=goal)
