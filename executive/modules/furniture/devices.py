@@ -21,10 +21,9 @@ from executive.modules.furniture.containers import LeafWork, ways_tried
 from executive.modules.furniture.witnessing import is_witnessed
 from executive.modules.platform import Platform
 from executive.modules.runner import Skill
-from executive.modules.tools.motion_failures import too_far
 from executive.modules.tools.motion_grounding import Grounding
 from executive.modules.tools.strokes import Plane, StrokeWork
-from executive.robots.arms import ArmModel
+from executive.robots.arms import ArmModel, too_far
 from planlang.designators import Action, Object
 from planlang.failures import (
     ActionUnresolvable,
