@@ -48,7 +48,7 @@ class RobotModule(ModuleOnce):
         effects.catch_up()
         if (due := effects.due(action)) is not None:
             await sleep(due)
-        before, lay = frozenset(self._platform.scene.world.names()), effects.lying(action) or {}
+        lay = effects.lying(action) or {}
         begun = effects.begins(self._by_motions)
         for what in self._unknown(action):
             await perform(looking_for(what))
@@ -58,7 +58,7 @@ class RobotModule(ModuleOnce):
             if failure.arm is not None:
                 self._platform.belief.hand_failed(failure.arm)
             raise
-        effects.learn(before)
+        self._platform.belief.learn()
         effects.catch_up()
         if not effects.untouched():
             raise PlanStructureError(

@@ -67,7 +67,7 @@ def way_out_of_arm(platform: Platform, arm: ArmModel, touches: str | None) -> Tr
             drawn = random.normal(size=(DIRECTIONS, len(start)))
             for direction in (*single, *(drawn / np.abs(drawn).max(axis=1)[:, None])):
                 q = start + reach * arm.resolution * direction
-                if arm.solver.chain.within(q[None], 1e-6).all():
+                if arm.chain.within(q[None], 1e-6).all():
                     yield q
 
     end = _first_free(start, ends(), contacts, lambda a, b: int(np.ceil(np.abs((b - a) / arm.resolution).max() * 2)))

@@ -216,7 +216,7 @@ class ThingStrokes(StrokeWork):
         places = np.column_stack([moved(inverse(before.matrix()), points[:, :3]), points[:, 3]])
         lap = await self.stroke(grounding, plane, places, closed=False)
         link, length = arm.tip, float(np.hypot(*push))
-        progress = arm.solver.chain.fk(lap.positions)[:, :2, 3] @ _ahead(heading - platform.base()[2])
+        progress = arm.chain.fk(lap.positions)[:, :2, 3] @ _ahead(heading - platform.base()[2])
         end = int(progress.argmax())
         poses = {one: platform.belief.pose(one) for one in moving}
         distance: float | None = None

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.belief.map_writing import map_text
-from executive.belief.recognition import EXPLORATION
+from executive.belief.memory import EXPLORATION
 from executive.modules.platform import Platform, PlatformModule
 from planlang.designators import Action, Location, Object, a_posture
 from planlang.failures import DesignatorFailure, LookingFailure, LookingGoalUnreachable, PerceptionFailure
