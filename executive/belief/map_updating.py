@@ -18,6 +18,7 @@ import numpy as np
 from executive.belief.belief import Belief
 from executive.belief.memory import Source
 from executive.maps.classes import MapObject
+from executive.maps.contents import is_content
 from executive.maps.measures import EXTENTS
 from executive.maps.semantic_map import SemanticMap
 from executive.maps.statements import (
@@ -31,7 +32,7 @@ from executive.maps.statements import (
 )
 from planlang.designators import local_part
 from planlang.diagnostics import Diagnostic
-from planlang.ontology import Ontology, Term, Triple, expand
+from planlang.ontology import Ontology, Term, Triple, expand, shorten
 from planlang.ontology.terms import OWL, RDF
 from sim.joints import Articulation, JointKind
 
@@ -82,9 +83,15 @@ def updated_map(belief: Belief, files: Collection[Path | None], opened: Iterable
 
 
 def _is_gone(thing: MapObject, belief: Belief) -> bool:
-    """Check whether an object was destroyed, alone or with the whole that it is a part of."""
+    """Check whether an object was destroyed, alone or with its whole, or is a content that has left its vessel."""
     whole = belief.map.holder(thing)
-    return any(one.name in belief.memory.gone for one in (thing, whole) if one is not None)
+    if any(one.name in belief.memory.gone for one in (thing, whole) if one is not None):
+        return True
+    vessels = [one.name for one in map(belief.map.find, thing.inside) if one is not None and one.name in belief.names()]
+    contents = belief.state.matter.contents
+    held = [portion for name in vessels for portion in contents.get(name, {}).values()]
+    stays = any(thing.name in one.origins and one.type == shorten(thing.types[0]) for one in held)
+    return is_content(thing) and bool(vessels) and not stays
 
 
 def _statements(semantic_map: SemanticMap, files: Collection[Path | None], gone: Iterable[str]) -> list[Triple]:
