@@ -30,9 +30,9 @@ def fixed_recipe(
     file: RecipeFile, diagnostics: list[Diagnostic], task: str | None, folders: Sequence[Path], accepted: Sequence[str]
 ) -> bytes:
     """Fix a recipe in memory, with uncertain fixes of accepted codes; lines of diagnostics are those of its text."""
-    from executive.runs.fixing import fixed  # slow to import, and most recipes are not fixed
+    from planlang.recipe.fixes.fixing import fix_recipe  # slow to import, and most recipes are not fixed
 
-    result = fixed(file, task=task, folders=folders, accepted=accepted)
+    result = fix_recipe(file.path, task=task, folders=folders, accepted=frozenset(accepted), content=file.content)
     diagnostics.extend(note("C017", f"fixed {one.code} {one.message}", Span(str(file.path))) for one in result.done)
     for one, why in result.refused:
         diagnostics.append(warning("C022", f"refused: {one.code} {one.message}; {why}", one.span, why.advice))
