@@ -33,7 +33,7 @@ from executive.maps.statements import (
 from planlang.designators import local_part
 from planlang.diagnostics import Diagnostic
 from planlang.ontology import Ontology, Term, Triple, expand, shorten
-from planlang.ontology.terms import OWL, RDF
+from planlang.ontology.terms import OWL, RDF, RDFS
 from sim.joints import Articulation, JointKind
 
 HAIR = 1e-6
@@ -140,13 +140,15 @@ def _moved(thing: MapObject, belief: Belief, start: float, placed: Mapping[str, 
 
 
 def _new(thing: MapObject, belief: Belief) -> Iterator[Triple]:
-    """Yield the statements about a created object, of the class that heat has given it by now."""
-    types = tuple(map(expand, belief.state.matter.types.get(thing.name, ())[:1])) or thing.types
-    facts: list[tuple[str, Term]] = [(RDF.type, cls) for cls in types]
+    """Yield the statements about a created object, of the class that heat has given it by now, and about that class."""
+    cls, *above = tuple(map(expand, belief.state.matter.types.get(thing.name, ())[:1])) or thing.types
+    for one in above:  # a class that only the recipe declares
+        yield from stated_facts(cls, [(RDF.type, OWL.Class), (RDFS.subClassOf, one)])
+    facts: list[tuple[str, Term]] = [(RDF.type, cls)]
     maps = belief.map.ontology.individuals(expand("SemanticEnvironmentMap"))
     facts += [("describedInMap", one) for one in maps[:1]]
     facts += [(name, decimal(value)) for name, value in zip(EXTENTS, thing.size or (), strict=False)]
-    return stated_facts(thing.iri, facts)
+    yield from stated_facts(thing.iri, facts)
 
 
 def _with_joint(statements: list[Triple], leaf: str, belief: Belief) -> list[Triple]:

@@ -76,8 +76,11 @@ def test_an_effect_that_a_recipe_or_its_import_declares_counts_in_a_run(
     told = [json.loads(line) for line in (tmp_path / "run.jsonl").read_text().splitlines()]
     changed = [(one["change"], one["name"]) for one in told if one["event"] == "belief"]
     assert changed[:2] == [("destroyed", "frosting1"), ("created", "IcedCake_1")]
-    left = {thing.name: thing for thing in read_map(load(tmp_path / "after.omn")).objects}
-    assert [one.rpartition("#")[2] for one in left["IcedCake_1"].types] == ["IcedCake", "FoodOrDrink"]
+    left = read_map(load(tmp_path / "after.omn"))
+    cake = left.find("IcedCake_1")
+    assert cake
+    assert cake.types == ("http://example.org/cakes.owl#IcedCake",)
+    assert left.is_a(cake, "FoodOrDrink")
 
 
 def test_of_a_compiled_plan_without_its_recipe_a_warning_says_that_the_effects_do_not_count(tmp_path: Path) -> None:
