@@ -291,16 +291,12 @@ class Hands:
     def let_go(self, name: str, *, to: str | None = None) -> None:
         """Release a held body: it falls onto what is below, or stays where it is, in the hand of a person ``to``."""
         control = self._control
-        if to is None:
-            rest = control.below(name)
-            fall = control.scene.world.pose(name).position[2] - rest.position[2]
-            self._at_rest[name] = now() + falling_time(fall)
-        else:
-            control.observe()
-            rest = control.scene.world.pose(name)
+        rest = control.below(name)
+        taken = control.scene.world.pose(name)
+        self._at_rest[name] = now() + falling_time(taken.position[2] - rest.position[2])
         for hand in control.belief.held[name].hands:
             control.world.loosen(hand.link)
-        control.belief.released(name, rest, to=to)
+        control.belief.released(name, rest if to is None else taken, to=to)
 
     async def settled(self, name: str) -> None:
         """Wait until a released body has had the time to come to rest."""
