@@ -24,8 +24,9 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warnin
 from planlang.geometry import Array
 from planlang.geometry.matrices import angles_of, product
 from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
-from planlang.geometry.urdf import Element, Joint, Urdf, master_of, origin_of, read_urdf
+from planlang.geometry.urdf import Joint, Urdf, master_of, origin_of, read_urdf
 from planlang.geometry.urdf_schema import extents_of, numbers
+from planlang.geometry.xml_tree import Element
 from planlang.package_paths import case_differs, file_places
 from planlang.records import dataclass
 from planlang.temporary import temporary_folder

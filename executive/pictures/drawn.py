@@ -20,8 +20,9 @@ from executive.pictures.solids import Solid, ball, box, lathe, shaded, tube
 from planlang.geometry import Array, Pose
 from planlang.geometry.mesh import mesh_of
 from planlang.geometry.shapes import Size, SolidKind
-from planlang.geometry.urdf import origin_of, tree_of
+from planlang.geometry.urdf import origin_of
 from planlang.geometry.urdf_schema import numbers
+from planlang.geometry.xml_tree import tree_of
 from planlang.records import dataclass
 from sim.bodies import Color, Part
 from sim.scene import Body, BodyShape

@@ -26,8 +26,9 @@ from planlang.diagnostics import Diagnostic, Span, note
 from planlang.geometry import Array
 from planlang.geometry.matrices import moved, product, rotated
 from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
-from planlang.geometry.urdf import Element, Joint, Urdf, origin_of, read_urdf
+from planlang.geometry.urdf import Joint, Urdf, origin_of, read_urdf
 from planlang.geometry.urdf_schema import extents_of, numbers
+from planlang.geometry.xml_tree import Element
 from planlang.package_paths import file_places
 from planlang.records import dataclass
 from planlang.temporary import process_folder

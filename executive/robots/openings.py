@@ -20,7 +20,8 @@ from executive.robots.robot import Arm, Gripper
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved
 from planlang.geometry.shapes import ConvexSolid
-from planlang.geometry.urdf import read_urdf, tree_of
+from planlang.geometry.urdf import read_urdf
+from planlang.geometry.xml_tree import tree_of
 from planlang.protocols import Configuration
 from planlang.records import dataclass
 from sim import PlanningWorld

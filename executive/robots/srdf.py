@@ -12,8 +12,8 @@ from pathlib import Path
 
 from executive.robots.mechanism import Mechanism
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.geometry.urdf import BadXml, Element, read_tree
 from planlang.geometry.urdf_schema import expressions_in, numbers
+from planlang.geometry.xml_tree import BadXml, Element, read_tree
 from planlang.records import dataclass
 
 IGNORED_REASONS = ("Never", "Adjacent")

@@ -18,7 +18,7 @@ from planlang.files import LFS_POINTER, NOT_FETCHED, encoding_of, open_regular, 
 from planlang.geometry.collada import BadCollada, shapes_of
 from planlang.geometry.matrices import Array
 from planlang.geometry.polygons import Faces, fans
-from planlang.geometry.urdf import BadXml, tree_of
+from planlang.geometry.xml_tree import BadXml, tree_of
 from planlang.records import dataclass
 
 SUFFIXES = (".obj", ".stl", ".dae")

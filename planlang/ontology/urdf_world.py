@@ -26,8 +26,9 @@ from planlang.geometry.cover import FULL, boxes_of_surface, is_room, is_wide
 from planlang.geometry.matrices import product
 from planlang.geometry.mesh import BadMesh, Mesh, mesh_content, mesh_of
 from planlang.geometry.shapes import corners, outline_of
-from planlang.geometry.urdf import Element, Urdf, origin_of, read_urdf
+from planlang.geometry.urdf import Urdf, origin_of, read_urdf
 from planlang.geometry.urdf_schema import numbers
+from planlang.geometry.xml_tree import Element
 from planlang.ontology.terms import MOVED_LINKS, OWL, RDF, URDF_WORLDS, XSD, Literal, expand
 from planlang.ontology.triples import Parsed, Triples, counted
 from planlang.ontology.urdf_labels import FARTHEST, Label, Triplet, labels_for
