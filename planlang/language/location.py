@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from planlang.designators import Device, Location, Object, a_location
 from planlang.failures import (
     GripperGoalNotReached,
+    HandsFull,
     LocationUnresolvable,
     LookingFailure,
     LookingGoalUnreachable,
@@ -228,9 +229,11 @@ class _Visit:
         raise LocationUnresolvable(designator=str(self.location))
 
     def _escalated(self, cause: PlanFailure) -> PlanFailure:
-        held = tuple(self.executive.held())
+        held = ", ".join(self.executive.held())
+        if held and isinstance(cause, HandsFull):
+            return ObjectUndeliverable(f"{_reference(self.location)} cannot be reached with full hands", what=held)
         if held:
-            return ObjectUndeliverable(what=", ".join(held))
+            return ObjectUndeliverable(what=held)
         return ObjectUnreachable(what=_reference(self.location))
 
     async def _visit(self, solution: Solution, body: Branch) -> Any:
