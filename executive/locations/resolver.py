@@ -241,7 +241,9 @@ class Resolver:
         elif (wanted or demand.unreached) and not scene.arms.all:
             problem = "the robot has no arm that could reach there"
         elif any(reach.arms == () for reach in wanted):
-            problem = "the robot has no such arm"
+            named = [one for one in (location, *location.references()) if isinstance(one, Location)]
+            lacking = (scene.robot.without(one.device) for one in named if one.device is not None)
+            problem = next(filter(None, lacking), f"{scene.robot.name} has no such arm")
         if problem:
             raise MissingCapability(problem, designator=str(location), missing=(part,))
 
