@@ -237,14 +237,11 @@ class Filler:
 
 
 @dataclass(frozen=True, slots=True)
-class Situation:
-    """A situation of a class; ``properties`` are (snake case name, filler), sorted by name."""
+class _Described:
+    """Something of a class; ``properties`` are (snake case name, filler), sorted by name."""
 
     type: str
     properties: tuple[tuple[str, Value], ...] = ()
-
-    def __post_init__(self) -> None:
-        _check_described(_SITUATION, self.type, self.properties)
 
     def get(self, property_name: str) -> Value | None:
         """Return the filler of a property, or None."""
@@ -253,6 +250,14 @@ class Situation:
     def __str__(self) -> str:
         inside = ", ".join(f"{key}={_told(value)}" for key, value in self.properties)
         return f"{local_name(self.type)}({inside})"
+
+
+@dataclass(frozen=True, slots=True)
+class Situation(_Described):
+    """A situation of a class."""
+
+    def __post_init__(self) -> None:
+        _check_described(_SITUATION, self.type, self.properties)
 
 
 Part = Object | Location | Situation | Filler | str | int | float | bool
@@ -263,25 +268,15 @@ Value = Part | tuple[Part, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Action:
+class Action(_Described):
     """An action to perform: its class and its properties, in snake case, sorted by name."""
 
-    type: str
-    properties: tuple[tuple[str, Value], ...] = ()
     name: str | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         _check_described(_ACTION, self.type, self.properties)
         if self.name is not None:
             _ACTION.text("name", self.name)
-
-    def get(self, property_name: str) -> Value | None:
-        """Return the filler of a property, or None."""
-        return dict(self.properties).get(property_name)
-
-    def __str__(self) -> str:
-        inside = ", ".join(f"{key}={_told(value)}" for key, value in self.properties)
-        return f"{local_name(self.type)}({inside})"
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from executive.belief.memory import Base
 from executive.belief.obstacles import NAMES
 from executive.belief.recognition import Recognition
 from executive.belief.snapshots import dump_belief, load_belief
-from executive.maps.semantic_map import MapObject
+from executive.maps.classes import MapObject
 from planlang.geometry import Pose
 from planlang.protocols import Configuration, Detection
 from planlang.state import Grip, Hold, WorldState

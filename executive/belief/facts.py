@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from executive.belief.belief import Belief
-from executive.maps.semantic_map import MapObject
+from executive.maps.classes import MapObject
 from planlang.designators import Condition, Object
 from planlang.failures import ObjectUnresolvable
 from sim import PlanningWorld

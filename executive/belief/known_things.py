@@ -13,9 +13,9 @@ from executive.belief.knowledge import Knowledge, Source
 from executive.belief.memory import Base, Memory
 from executive.belief.obstacles import NAMES
 from executive.belief.recognition import VISION, Recognition
-from executive.maps.classes import is_kind
+from executive.maps.classes import MapObject, is_kind
 from executive.maps.contents import is_content
-from executive.maps.semantic_map import MapObject, SemanticMap, namesakes
+from executive.maps.semantic_map import SemanticMap, namesakes
 from planlang.designators import Object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.geometry import Pose

@@ -17,8 +17,8 @@ import numpy as np
 
 from executive.belief.belief import Belief
 from executive.belief.knowledge import Source
+from executive.maps.classes import MapObject
 from executive.maps.measures import EXTENTS
-from executive.maps.semantic_map import MapObject
 from executive.maps.statements import (
     Placement,
     decimal,

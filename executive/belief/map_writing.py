@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Container, Iterator
 
 from executive.belief.belief import Belief
+from executive.maps.classes import MapObject
 from executive.maps.measures import EXTENTS
-from executive.maps.semantic_map import MapObject
 from executive.maps.statements import Placement, decimal, stated_facts, text_of, with_placements
 from planlang.geometry import Pose
 from planlang.ontology import Term, Triple, expand

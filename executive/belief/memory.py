@@ -7,7 +7,7 @@ from dataclasses import field, replace
 
 from executive.belief.knowledge import Knowledge, Source
 from executive.belief.recognition import Recognition
-from executive.maps.semantic_map import MapObject
+from executive.maps.classes import MapObject
 from planlang.designators import Object
 from planlang.geometry import Pose
 from planlang.records import dataclass

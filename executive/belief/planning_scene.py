@@ -16,8 +16,7 @@ from executive.belief.scene_collisions import BasePose, SceneCollisions
 from executive.belief.scene_part import Kept, ScenePart
 from executive.motion import Gaze
 from executive.motion.bodies import Solids
-from executive.robots.arms import ArmModel, Held
-from executive.robots.handle import RobotModel
+from executive.robots.arms import ArmModel, Held, RobotModel
 from planlang.designators import Device
 from planlang.geometry import Array
 from planlang.geometry.areas import Block

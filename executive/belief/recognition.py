@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import field, replace
 
-from executive.maps.semantic_map import MapObject
+from executive.maps.classes import MapObject
 from planlang.ontology import Ontology
 from planlang.records import dataclass
 

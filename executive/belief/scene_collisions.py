@@ -20,8 +20,7 @@ from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room, lin
 from executive.motion.bodies import Solids
 from executive.motion.clearance import EVERY, LACKING, SPARE, Band, Drivable, drivable, free_poses, outlines
 from executive.robots import Gripper
-from executive.robots.arms import ArmModel
-from executive.robots.handle import RobotModel
+from executive.robots.arms import ArmModel, RobotModel
 from executive.robots.openings import Fingers
 from planlang.geometry import Array
 from planlang.geometry.areas import Block

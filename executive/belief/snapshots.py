@@ -9,7 +9,7 @@ from typing import Any
 from executive.belief.knowledge import Knowledge, Source
 from executive.belief.memory import Memory
 from executive.belief.obstacles import NAMES
-from executive.maps.semantic_map import MapObject
+from executive.maps.classes import MapObject
 from planlang.geometry import Pose
 from planlang.runs.codec import dump, load
 from planlang.state import Grip, Hold, WorldState

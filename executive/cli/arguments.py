@@ -10,7 +10,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
-from executive.options.declaring import argument, option
+from executive.options.declaring import argument, option, output
 from executive.options.running import (
     Accept,
     Csv,
@@ -122,10 +122,7 @@ class ExportArguments(Arguments):
 
     trace: Annotated[Path, argument(metavar="TRACE", help="The trace of a run.")]
     to: Annotated[Form, option("--format", "--to", help="The target format.", shows_default=False)]
-    output: Annotated[
-        Path,
-        option("-o", "--output", metavar="FOLDER", help="Write narrative.ttl and poses.jsonl to this folder."),
-    ]
+    output: Annotated[Path, output("Write narrative.ttl and poses.jsonl to this folder.", "FOLDER")]
     began: Annotated[
         str | None,
         option(metavar="TIME", help="Start time of the run, in ISO 8601; default: 1970-01-01T00:00:00Z."),
@@ -150,10 +147,7 @@ class ReportArguments(SituationSettings, Arguments):
         str | None,
         argument(metavar="RECIPE|PLAN", help="The recipe or plan that was run; needed unless it is bundled."),
     ] = None
-    output: Annotated[
-        Path | None,
-        option("-o", "--output", metavar="FILE", help="Write the page to this file; default: TRACE.html."),
-    ] = None
+    output: Annotated[Path | None, output("Write the page to this file; default: TRACE.html.")] = None
 
 
 @dataclass(frozen=True, kw_only=True)

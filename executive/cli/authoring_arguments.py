@@ -7,14 +7,12 @@ from pathlib import Path
 from typing import Annotated
 
 from executive.cli.arguments import Arguments, Detail, OntologyArguments, TaskArguments
-from executive.options.declaring import argument, option
+from executive.options.declaring import argument, option, output
 from executive.options.recipes import CheckOptions, CompileOptions
 from executive.options.running import Force, IgnoreUnread, Modules, Recipe, Robot, Trust, Units, Urdf
 from planlang.records import dataclass
 
-Output = Annotated[
-    Path | None, option("-o", "--output", metavar="FILE", help="Write the text to this file instead of stdout.")
-]
+Output = Annotated[Path | None, output("Write the text to this file instead of stdout.")]
 
 
 class Template(Enum):
@@ -113,10 +111,7 @@ class ShowArguments(TaskArguments):
     """
 
     file: Annotated[str, argument(metavar="FILE", help="A file, or the name of a bundled recipe, robot or room.")]
-    output: Annotated[
-        Path | None,
-        option("-o", "--output", metavar="FILE", help="Draw to this file; the suffix selects the format."),
-    ] = None
+    output: Annotated[Path | None, output("Draw to this file; the suffix selects the format.")] = None
     view: Annotated[
         str | None,
         option(metavar="VIEW", help="Viewpoint for a map or robot [m]: X,Y,Z or X,Y,Z:X,Y,Z, overview, or top."),
@@ -147,10 +142,7 @@ class MergeArguments(OntologyArguments):
     maps: Annotated[
         list[str], argument(metavar="MAP...", help="Map files (OWL or URDF), or names of bundled environments.")
     ]
-    output: Annotated[
-        Path | None,
-        option("-o", "--output", metavar="FILE", help="Write the map to this file instead of stdout."),
-    ] = None
+    output: Annotated[Path | None, output("Write the map to this file instead of stdout.")] = None
     ignore_unread: IgnoreUnread = False
     force: Force = False
 

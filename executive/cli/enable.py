@@ -17,7 +17,7 @@ from executive.enabling.needs import Enabling
 from executive.enabling.shelf import open_shelf
 from executive.enabling.stock import Folder, Stock
 from executive.modules.bundled import performed_by
-from executive.options.values import Name, names
+from executive.options.declaring import Name, names
 from executive.runs.files import check_files, check_trusted, chosen, environments, refuse
 from planlang.diagnostics import BadInput, Diagnostic, error, warning
 from planlang.files import Bundled

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from executive.cli.arguments import Arguments, OntologyArguments
-from executive.options.declaring import argument, option
+from executive.options.declaring import argument, option, output
 from planlang.records import dataclass
 
 
@@ -88,9 +88,7 @@ class PullArguments(ServerArguments):
     """
 
     uid: Uid
-    output: Annotated[
-        Path, option("-o", "--output", metavar="FOLDER", help="Folder to write to; created if needed.")
-    ] = Path()
+    output: Annotated[Path, output("Folder to write to; created if needed.", "FOLDER")] = Path()
     revision: Annotated[
         int | None, option(least=1, metavar="N", help="Number of the revision; default: the latest.")
     ] = None

@@ -20,8 +20,8 @@ from executive.cli.console import Answer
 from executive.commands.check import check
 from executive.live.terminal import TerminalTree
 from executive.maps import read_map, scene_of
+from executive.options.declaring import is_view
 from executive.options.recipes import CheckOptions
-from executive.options.values import is_view
 from executive.pictures.scene_picture import save_picture
 from executive.robots import bind_robot
 from executive.runs.ending import ending_of

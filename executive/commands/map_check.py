@@ -8,8 +8,8 @@ from pathlib import Path
 
 from executive.commands.checked import CheckResult
 from executive.maps import read_map, scene_of
+from executive.maps.classes import MapObject
 from executive.maps.occupied_space import OBSTACLE
-from executive.maps.semantic_map import MapObject
 from executive.runs.files import RecipeFile
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Severity

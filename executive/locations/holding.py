@@ -24,8 +24,7 @@ from executive.locations.hand_solutions import HandHits, HandSolution, Trial, un
 from executive.locations.rejections import Rejections
 from executive.maps import SemanticMap
 from executive.robots import Arm, Robot
-from executive.robots.arms import ArmModel
-from executive.robots.handle import RobotModel
+from executive.robots.arms import ArmModel, RobotModel
 from executive.robots.mechanism import Mechanism
 from executive.robots.openings import Fingers
 from planlang.geometry import Array, Pose

@@ -18,8 +18,8 @@ from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.standing import Standing
 from executive.locations.views import NO_SCREENS, Size, Views
+from executive.maps.classes import MapObject
 from executive.maps.hollow import room_behind
-from executive.maps.semantic_map import MapObject
 from planlang.designators import Object
 from planlang.failures import ObjectNowhereToBeFound
 from planlang.geometry import Array, Pose

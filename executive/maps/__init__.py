@@ -7,7 +7,8 @@ General layout: ``semantic_map`` reads the objects of a map and ``measures`` the
 ``contents`` of vessels.
 """
 
+from executive.maps.classes import MapObject
 from executive.maps.scene import default_starts, scene_of, support_of
-from executive.maps.semantic_map import MapObject, SemanticMap, read_map
+from executive.maps.semantic_map import SemanticMap, read_map
 
 __all__ = ["MapObject", "SemanticMap", "default_starts", "read_map", "scene_of", "support_of"]

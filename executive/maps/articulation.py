@@ -12,8 +12,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from executive.maps.classes import MapObject
 from executive.maps.measures import length, stated
-from executive.maps.semantic_map import MapObject, SemanticMap
+from executive.maps.semantic_map import SemanticMap
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, note, warning
 from planlang.geometry import Array, Pose

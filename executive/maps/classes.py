@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
+from dataclasses import replace
 
 from executive.maps import soma
 from executive.maps.link_names import LINKS
@@ -26,6 +26,7 @@ from planlang.geometry import Pose
 from planlang.kept import kept
 from planlang.ontology import Literal, Ontology, expand
 from planlang.ontology.terms import RDF
+from planlang.records import dataclass
 from planlang.spelling import Spellings, similar
 
 
@@ -135,58 +136,61 @@ MOST_PARTS = 1000
 """Most parts that a map gets from classes: a guard against hostile files."""
 
 
-class StatedObject(NamedTuple):
-    """An object as the map states it; parts are IRIs."""
+@dataclass(frozen=True, slots=True)
+class MapObject:
+    """An object of a map; other objects are referred to by IRI."""
 
     iri: str
     name: str
+    """Local name, with ``_2`` etc. if an earlier object of the map has the same."""
     types: tuple[str, ...]
     pose: Pose | None
-    parts: tuple[str, ...]
-    span: Span | None
-
-
-class ClassPart(NamedTuple):
-    """A part derived from a class: a new one, or one of the map (by its IRI) that gets its pose."""
-
-    whole: str
-    iri: str
-    name: str
-    cls: str
-    pose: Pose
+    """Pose of the box centre in the map frame; None for objects without one (a building)."""
     size: Size | None
+    """Extents along its own axes [m]; None for a mere place."""
+    parts: tuple[str, ...] = ()
+    hinged_to: tuple[str, ...] = ()
+    inside: tuple[str, ...] = ()
+    on: tuple[str, ...] = ()
+    open_sides: tuple[str, ...] = ()
+    """Sides of its box at which it is open, such as "+x"; with any, the box is hollow."""
+    boards: tuple[float, ...] = ()
+    """Heights of the tops of its boards above its lower end, in ascending order [m]."""
+    walls: float | None = None
+    """Thickness of its walls and boards [m]."""
+    span: Span | None = None
 
 
-def parts_of_classes(things: Iterable[StatedObject], ontology: Ontology, notes: list[Diagnostic]) -> list[ClassPart]:
-    """Derive the parts, and the poses of parts, that the map leaves to the classes of its objects."""
+def parts_of_classes(things: Iterable[MapObject], ontology: Ontology, notes: list[Diagnostic]) -> list[MapObject]:
+    """Add the parts, and the poses of parts, that a map leaves to the classes of its objects."""
     reader = _Reader(things, ontology, notes)
     for thing in tuple(reader.things.values()):
         reader.complete(reader.things[thing.iri])
-    return reader.parts
+    return list(reader.things.values())
 
 
 class _Reader:
-    def __init__(self, things: Iterable[StatedObject], ontology: Ontology, notes: list[Diagnostic]) -> None:
+    def __init__(self, things: Iterable[MapObject], ontology: Ontology, notes: list[Diagnostic]) -> None:
         self.things = {thing.iri: thing for thing in things}
         self.names = {thing.name for thing in self.things.values()}
         self.ontology, self.notes = ontology, notes
-        self.parts: list[ClassPart] = []
+        self.added: list[str] = []
+        """Names of the parts, new ones and those that got their poses."""
 
-    def complete(self, thing: StatedObject) -> None:
+    def complete(self, thing: MapObject) -> None:
         """Add the parts that the classes of an object state, and the parts of these parts."""
         if thing.pose is None:
             return
         frames = {cls: thing.pose for stated_class in thing.types for cls in self.ontology.ancestors(stated_class)}
-        before = len(self.parts)
+        before = len(self.added)
         self._add(thing, frames, thing, DEEPEST)
-        if len(self.parts) > before:
-            names = ", ".join(part.name for part in self.parts[before:])
+        if names := ", ".join(self.added[before:]):
             self.notes.append(note("M026", f"{thing.name} has {names} where its class has them", thing.span))
 
-    def _add(self, whole: StatedObject, frames: dict[str, Pose], root: StatedObject, depth: int) -> None:
+    def _add(self, whole: MapObject, frames: dict[str, Pose], root: MapObject, depth: int) -> None:
         """Add the parts of ``whole``; ``frames`` are poses of classes in the map frame."""
         for cls in self._classes_of_parts(whole):
-            if depth == 0 or len(self.parts) >= MOST_PARTS:
+            if depth == 0 or len(self.added) >= MOST_PARTS:
                 return
             stated_parts = (self.things[iri] for iri in self.things[whole.iri].parts if iri in self.things)
             part = next((one for one in stated_parts if self.ontology.any_is_a(one.types, (cls,))), None)
@@ -198,24 +202,22 @@ class _Reader:
                 continue  # it gets its own parts as an object of the map, at its pose there
             if part is None:
                 part = self._new(root, cls, pose)
-                whole = whole._replace(parts=(*whole.parts, part.iri))
-                self.things[whole.iri] = whole
-            part = part._replace(pose=pose)
-            size = read_size(self.ontology, cls, (cls,), [])
-            self.things[part.iri] = part
-            self.parts.append(ClassPart(whole.iri, part.iri, part.name, cls, pose, size))
+                whole = self.things[whole.iri] = replace(whole, parts=(*whole.parts, part.iri))
+            part = self.things[part.iri] = replace(part, pose=pose)
+            self.added.append(part.name)
             self._add(part, {**frames, **dict.fromkeys(self.ontology.ancestors(cls), pose)}, root, depth - 1)
 
-    def _classes_of_parts(self, thing: StatedObject) -> Iterator[str]:
+    def _classes_of_parts(self, thing: MapObject) -> Iterator[str]:
         for cls in thing.types:
             for restriction in self.ontology.inherited_restrictions(cls, expand("properPhysicalParts")):
                 if restriction.kind == "some" and isinstance(restriction.filler, str):
                     yield restriction.filler
 
-    def _new(self, root: StatedObject, cls: str, pose: Pose) -> StatedObject:
+    def _new(self, root: MapObject, cls: str, pose: Pose) -> MapObject:
         name = unused_name(f"{root.name}_{local_name(cls)}", self.names)
         self.names.add(name)
-        return StatedObject(f"{root.iri}{name.removeprefix(root.name)}", name, (cls,), pose, (), root.span)
+        size = read_size(self.ontology, cls, (cls,), [])
+        return MapObject(f"{root.iri}{name.removeprefix(root.name)}", name, (cls,), pose, size, span=root.span)
 
     def _pose(self, cls: str, frames: dict[str, Pose]) -> Pose | None:
         """Find the pose of a part's class in the map; None if none is stated, or it is relative to an unknown frame."""

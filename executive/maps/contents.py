@@ -11,9 +11,9 @@ from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
-from executive.maps.classes import is_kind
+from executive.maps.classes import MapObject, is_kind
 from executive.maps.measures import length, lengths, read_size, stated
-from executive.maps.semantic_map import MapObject, SemanticMap
+from executive.maps.semantic_map import SemanticMap
 from planlang.diagnostics import BadInput, Diagnostic, Severity, warning
 from planlang.effects import effects_of, heat_effects, number_of_class, number_of_individual
 from planlang.ontology import Ontology, expand, shorten

@@ -11,7 +11,8 @@ from itertools import combinations
 
 import numpy as np
 
-from executive.maps.semantic_map import OPENINGS, MapObject, SemanticMap
+from executive.maps.classes import MapObject
+from executive.maps.semantic_map import OPENINGS, SemanticMap
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, note, warning
 from planlang.geometry import Array, Pose

@@ -11,8 +11,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from executive.maps.classes import MapObject
 from executive.maps.object_models import Blade
-from executive.maps.semantic_map import IN_HAND, MapObject, SemanticMap
+from executive.maps.semantic_map import IN_HAND, SemanticMap
 from executive.robots import Arm, Robot
 from planlang.designators import local_name
 from planlang.geometry import Array, Pose

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from executive.maps.classes import MapObject
 from executive.maps.frames import MapSource, are_related, completed, in_frame_of
 from executive.maps.measures import EXTENTS, TRIPLES
-from executive.maps.semantic_map import MapObject, read_map
+from executive.maps.semantic_map import read_map
 from executive.maps.statements import (
     Placement,
     main_statements,

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.maps.articulation import DEVICES, articulated
+from executive.maps.classes import MapObject
 from executive.maps.contents import is_content, movers_of, rules_of, with_contents
 from executive.maps.doorways import with_doorways
 from executive.maps.hollow import WALL, hollowed, open_at
 from executive.maps.in_hand import STOWED, is_in_hand
 from executive.maps.measures import stated_size
 from executive.maps.object_models import Blade
-from executive.maps.semantic_map import OPENINGS, MapObject, SemanticMap
+from executive.maps.semantic_map import OPENINGS, SemanticMap
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note, settled, unread, warning
 from planlang.effects import number_of_class

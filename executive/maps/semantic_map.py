@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from executive.maps.classes import StatedObject, is_kind, misspellings, parts_of_classes, with_known_classes
-from executive.maps.measures import EXTENTS, TRIPLES, Size, length, read_boards, read_size, read_transform, stated
+from executive.maps.classes import MapObject, is_kind, misspellings, parts_of_classes, with_known_classes
+from executive.maps.measures import EXTENTS, TRIPLES, length, read_boards, read_size, read_transform, stated
 from executive.maps.soma import in_known_words
 from planlang.designators import Object, is_called, local_name, names_of, unused_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, settled, unread
@@ -22,31 +22,6 @@ from planlang.ontology import Literal, Ontology, expand
 from planlang.ontology.terms import OWL
 from planlang.records import dataclass
 from planlang.words import Text, calling
-
-
-@dataclass(frozen=True, slots=True)
-class MapObject:
-    """An object of a map; other objects are referred to by IRI."""
-
-    iri: str
-    name: str
-    """Local name, with ``_2`` etc. if an earlier object of the map has the same."""
-    types: tuple[str, ...]
-    pose: Pose | None
-    """Pose of the box centre in the map frame; None for objects without one (a building)."""
-    size: Size | None
-    """Extents along its own axes [m]; None for a mere place."""
-    parts: tuple[str, ...] = ()
-    hinged_to: tuple[str, ...] = ()
-    inside: tuple[str, ...] = ()
-    on: tuple[str, ...] = ()
-    open_sides: tuple[str, ...] = ()
-    """Sides of its box at which it is open, such as "+x"; with any, the box is hollow."""
-    boards: tuple[float, ...] = ()
-    """Heights of the tops of its boards above its lower end, in ascending order [m]."""
-    walls: float | None = None
-    """Thickness of its walls and boards [m]."""
-    span: Span | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +127,7 @@ def read_map(ontology: Ontology, *, ignore_unread: bool = False) -> SemanticMap:
         )
     objects = _with_places_reversed(objects, ontology, notes)
     if any(ontology.triples(None, OWL.onProperty, expand("orientation"))):
-        objects = _with_parts_of_classes(objects, ontology, notes)
+        objects = parts_of_classes(objects, ontology, notes)
     for triple in ontology.using(*COMPONENTS, "areaOfObject"):
         length(triple, notes)  # numbers of features are used later, when a motion is grounded, and reported here
     notes += _other_frames(ontology, poses)
@@ -216,20 +191,6 @@ def _other_frames(ontology: Ontology, poses: PosesOfThings) -> Iterator[Diagnost
             if span is not None and other is not None and span.file != other.file:
                 message = f"the frame of {local_name(iri)} is relative to {local_name(str(parent))}: this is ignored"
                 yield unread("M027", message, span, Text("make one map of both: ", calling("merge")))
-
-
-def _with_parts_of_classes(objects: list[MapObject], ontology: Ontology, notes: list[Diagnostic]) -> list[MapObject]:
-    """Add the parts, and the poses of parts, that the classes of the objects state."""
-    things = {thing.iri: thing for thing in objects}
-    known = (StatedObject(one.iri, one.name, one.types, one.pose, one.parts, one.span) for one in objects)
-    for part in parts_of_classes(known, ontology, notes):
-        if part.iri in things:
-            things[part.iri] = replace(things[part.iri], pose=part.pose)
-            continue
-        whole = things[part.whole]
-        things[part.whole] = replace(whole, parts=(*whole.parts, part.iri))
-        things[part.iri] = MapObject(part.iri, part.name, (part.cls,), part.pose, part.size, span=whole.span)
-    return list(things.values())
 
 
 def _with_places_reversed(objects: list[MapObject], ontology: Ontology, notes: list[Diagnostic]) -> list[MapObject]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from copy import copy
 from dataclasses import replace
@@ -21,8 +21,7 @@ from executive.locations.views import NO_SCREENS, hiding
 from executive.modules.out_of_arms import out_of_arms
 from executive.motion import time_path
 from executive.robots import Robot
-from executive.robots.arms import ArmModel
-from executive.robots.handle import RobotHandle
+from executive.robots.arms import ArmModel, RobotHandle
 from executive.robots.openings import Fingers
 from planlang.designators import Object
 from planlang.failures import (
@@ -344,6 +343,16 @@ class Sensing:
             return
         path = np.stack([control.joints(gaze.joints), neck])
         await control.follow(Group(GroupKind.HEAD), control.timed(gaze.joints, path))
+
+    async def shows(self, points: Iterable[Array], name: str, is_seen: Callable[[], bool]) -> bool:
+        """Look at points (3,) of the map, one after the other, until an image shows what is looked for."""
+        for point in points:
+            with suppress(LookingGoalUnreachable):
+                await self.look_at(point, name)
+                self.see()
+                if is_seen():
+                    return True
+        return False
 
     def turn_towards(self, point: Array) -> None:
         """Begin to turn the neck towards a map point (3,), as far as it goes, and do not wait for its end."""

@@ -12,20 +12,17 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from itertools import count, islice
 from types import MappingProxyType
-from typing import Any
 
 from executive.maps import MapObject
 from executive.maps.classes import known
 from executive.modules.platform import Platform
-from executive.modules.tools.turning_over import check_turned
 from planlang.changes import Change, Output, Physics, Poured, Simulated, Switched, Transformed, TurnedOver
 from planlang.designators import Action, Location, Object, local_name
 from planlang.effects import Effects, effects_of, narrowest, number_of_class
-from planlang.failures import ObjectNotTurned, ObjectUnresolvable
+from planlang.failures import ObjectUnresolvable
 from planlang.geometry import Pose
-from planlang.kernel import PlanStructureError, now, sleep
+from planlang.kernel import PlanStructureError, now
 from planlang.language.performing import actions_around
-from planlang.language.process_module import LEFT_TO_MOTIONS, ProcessModule, WrappedModule
 from planlang.ontology import expand, shorten
 from planlang.records import dataclass
 from planlang.state import apply, is_free, warm
@@ -57,10 +54,6 @@ class ActionEffects:
         """``physics``: the simulated world that the platform's interface commands; None if the world is real."""
         self._platform, self._physics = platform, physics
         self.restored()
-
-    def there(self) -> frozenset[str]:
-        """Collect the names of the believed objects."""
-        return frozenset(self._platform.scene.world.names())
 
     def untouched(self) -> bool:
         """Check whether only declared effects have changed the world."""
@@ -225,11 +218,6 @@ class ActionEffects:
             return None
         return {name: self._platform.belief.pose(name) for name in self._turning(action, effects)}
 
-    async def check_turned(self, lay: Mapping[str, Pose]) -> None:
-        """Raise ObjectNotTurned for an object that is seen to lie as before."""
-        for name, pose in lay.items():
-            await check_turned(self._platform, name, pose)
-
     def _switch(self, action: Action, effects: Effects, begun: Begun) -> None:
         named = self._bound(action, ("object_acted_on", "device_used")) if effects.states else ()
         devices = {one.device for one in self._platform.scene.world.scene.controls}
@@ -317,48 +305,6 @@ class ActionEffects:
 
     def _usual_amount(self, type: str) -> float | None:
         return number_of_class(self._platform.belief.map.ontology, [expand(type)], "amount")
-
-
-class ModuleWithEffects(WrappedModule):
-    """Process module that applies the effects declared by an action's class after performing it."""
-
-    def __init__(self, module: ProcessModule, effects: ActionEffects, stated: Sequence[str] = ()) -> None:
-        """``stated``: attributes of earlier versions that the module has set, of ``LEFT_TO_MOTIONS``."""
-        super().__init__(module)
-        self._effects, self._stated = effects, stated
-
-    @property
-    def failures(self) -> Sequence[type[Exception]]:
-        """Failure classes that it may raise, including that of an object that did not turn over."""
-        return (*super().failures, ObjectNotTurned)
-
-    async def execute(self, action: Action) -> Any:
-        """Perform the action, then apply its effects.
-
-        Raises PlanStructureError if the module has changed the world by itself, and ObjectNotTurned if the action's
-        class turns objects over and none has turned.
-        """
-        self._effects.catch_up()
-        if (due := self._effects.due(action)) is not None:
-            await sleep(due)
-        before, lay = self._effects.there(), self._effects.lying(action) or {}
-        begun = self._effects.begins([kind for name in self._stated for kind in LEFT_TO_MOTIONS[name]])
-        result = await super().execute(action)
-        self._effects.learn(before)
-        self._effects.catch_up()
-        if not self._effects.untouched():
-            raise PlanStructureError(
-                f"process module {self.name} has changed the world itself, which only declared effects may do: state "
-                "an ObjectChange for the class of its actions (docs/guides/modules.md)"
-            )
-        there = self._effects.lying(action)
-        self._effects.apply(action, begun)
-        self._effects.restored()
-        if there == {}:
-            raise ObjectNotTurned(f"there is nothing that {local_name(action.type)} could turn over")
-        if there and any(isinstance(change, TurnedOver) for change in begun.done_by_motions):
-            await self._effects.check_turned(there | lay)
-        return result
 
 
 def _objects(action: Action, name: str) -> Iterator[Object]:

@@ -124,14 +124,14 @@ class Handover(PlatformModule):
 
     def resources(self, action: Action) -> tuple[str, ...]:
         """Return the arm that holds the object."""
-        return tuple(arm.name for arm in self._arm(action))
+        return tuple(arm.name for arm in self.platform.arms.with_stated(action)[:1])
 
     async def execute(self, action: Action) -> str:
         """Hand over ``object_acted_on`` (default: any held object); return the name of the person who took it.
 
         Raises HandoverNotTaken if nobody, or another person, pulls at it.
         """
-        arms = self._arm(action)
+        arms = self.platform.arms.with_stated(action)
         if not arms:
             raise ActionUnresolvable("no arm holds the object to hand over; grasp it first", designator=str(action))
         platform, arm = self.platform, arms[0]
@@ -159,14 +159,3 @@ class Handover(PlatformModule):
         path = self.platform.arms.drawn(arm, (far * self.back_of(arm) for far in DRAWN_BACK), name)
         if path is not None:
             await self.platform.sensing.bump(await self.platform.follow(arm.name, path))
-
-    def _arm(self, action: Action) -> list[ArmModel]:
-        """Find the first arm that holds the object, as a list of at most one."""
-        scene, arms = self.platform.scene, self.platform.arms
-        what = action.get("object_acted_on")
-        name = scene.bodies.bind(what) if isinstance(what, Object) else None
-        for arm in scene.arms.all if name is not None else arms.holding_for(action, scene.arms.all):
-            held = scene.arms.held(arm.name)
-            if held is not None and name in (None, held.name):
-                return [arm]
-        return []

@@ -113,6 +113,14 @@ class Arms:
         holding, thing = self.holding(arms), self.thing_of(action)
         return [arm for arm in holding if self._holds(arm, thing)] or holding
 
+    def with_stated(self, action: Action) -> list[ArmModel]:
+        """List the arms that hold the object that a step names; if it names none, those that hold one for the step."""
+        scene, what = self._control.scene, action.get("object_acted_on")
+        if not isinstance(what, Object):
+            return self.holding_for(action, scene.arms.all)
+        name = scene.bodies.bind(what)
+        return [arm for arm in scene.arms.all if self._holds(arm, name)]
+
     def opened_by(self, action: Action, arms: Sequence[ArmModel]) -> list[ArmModel]:
         """List the arms whose hand a step opens, best first, if it names none; none of them drops anything.
 

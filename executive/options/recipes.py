@@ -6,7 +6,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
-from executive.options.declaring import argument, option
+from executive.options.declaring import argument, option, output
 from executive.options.running import IgnoreUnread, Modules, Recipe, Source, TaskOptions, Trust, source
 from planlang.records import dataclass
 from planlang.words import Option, Text
@@ -26,10 +26,7 @@ class CompileOptions(TaskOptions):
     """Options of compiling a recipe."""
 
     recipe: Recipe
-    output: Annotated[
-        Path | None,
-        option("-o", "--output", metavar="PLAN", help="Write the plan to this file instead of stdout."),
-    ] = None
+    output: Annotated[Path | None, output("Write the plan to this file instead of stdout.", "PLAN")] = None
     modules: Modules = None
     trust: Trust = False
     graph: Annotated[
@@ -66,9 +63,7 @@ class CheckOptions(TaskOptions):
         list[str] | None,
         option(metavar="CODE", help=Text(FIXING, "also apply uncertain fixes with this code; repeatable.")),
     ] = None
-    output: Annotated[
-        Path | None, option("-o", "--output", metavar="FILE", help=Text(FIXING, "write the copy to this file."))
-    ] = None
+    output: Annotated[Path | None, output(Text(FIXING, "write the copy to this file."))] = None
     force: Annotated[
         bool,
         option(help=Text("With ", Option("output"), ": overwrite a file that planlang did not write.")),

@@ -7,8 +7,20 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
-from executive.options.declaring import InHeader, Writes, argument, declared, option
-from executive.options.values import BasePose, Name, bindings, name, names, planar, shard
+from executive.options.declaring import (
+    BasePose,
+    InHeader,
+    Name,
+    argument,
+    bindings,
+    declared,
+    name,
+    names,
+    option,
+    planar,
+    shard,
+    written,
+)
 from planlang.diagnostics import BadInput, error
 from planlang.language.source import PlanSource
 from planlang.outputs import PNG, PNG_OR_SVG, WEBP
@@ -83,15 +95,20 @@ Units = Annotated[
 Urdf = Annotated[Path | None, option(metavar="FILE", help="The robot's URDF, if the robot file names none.")]
 Modules = Annotated[
     list[Path] | None,
-    option(metavar="FILE.py", help="Also load the process modules of this Python file; repeatable."),
-    InHeader("modules", taken=False),
+    option(
+        metavar="FILE.py",
+        help="Also load the process modules of this Python file; repeatable.",
+        in_header=InHeader("modules", taken=False),
+    ),
 ]
 IgnoreUnread = Annotated[
     bool,
-    option(help="Go on without things of a map, with a shape or a pose, that cannot be read."),
-    InHeader("ignores_unread"),
+    option(
+        help="Go on without things of a map, with a shape or a pose, that cannot be read.",
+        in_header=InHeader("ignores_unread"),
+    ),
 ]
-Csv = Annotated[Path | None, option(metavar="FILE", help="Also write the rows as CSV."), Writes()]
+Csv = Annotated[Path | None, written("Also write the rows as CSV.")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,8 +151,8 @@ class SituationSettings(TaskOptions):
             metavar="FOLDER",
             help="Folder of the recognition models (and programs and maps) that the robot has; it recognises no other "
             "classes. Repeatable.",
+            in_header=InHeader("given", taken=False),
         ),
-        InHeader("given", taken=False),
     ] = None
     accept: Accept = None
     start: Start = None
@@ -145,8 +162,7 @@ class SituationSettings(TaskOptions):
     set: Set = None
     trust_map: Annotated[
         bool,
-        option(help="Take the map's poses as seen; needs no camera."),
-        InHeader("trusts_map"),
+        option(help="Take the map's poses as seen; needs no camera.", in_header=InHeader("trusts_map")),
     ] = False
     unknown: Annotated[
         list[str] | None,
@@ -154,8 +170,8 @@ class SituationSettings(TaskOptions):
             metavar="THING",
             help="Hide the pose of this thing, or of the things of this class, from the robot; all: of everything "
             "except rooms. Repeatable.",
+            in_header=InHeader("unknown"),
         ),
-        InHeader("unknown"),
     ] = None
     ignore_unread: IgnoreUnread = False
     modules: Modules = None
@@ -181,19 +197,9 @@ class RunSettings(SituationSettings):
         option(least=0, metavar="N", help="Seed for displacing things in the simulated world; 0: displace nothing."),
     ] = None
     gui: Annotated[bool, option(help="Show the world in a window.", is_shown=True)] = False
-    trace: Annotated[
-        Path | None, option(metavar="FILE", help="Write the trace of the run, as JSON Lines.", is_shown=True), Writes()
-    ] = None
-    picture: Annotated[
-        Path | None,
-        option(metavar="FILE", help="Write a picture of the final scene, as PNG.", is_shown=True),
-        Writes(PNG),
-    ] = None
-    video: Annotated[
-        Path | None,
-        option(metavar="FILE", help="Write a video of the run beside its plan, as animated WebP.", is_shown=True),
-        Writes(WEBP),
-    ] = None
+    trace: Annotated[Path | None, written("Write the trace of the run, as JSON Lines.")] = None
+    picture: Annotated[Path | None, written("Write a picture of the final scene, as PNG.", PNG)] = None
+    video: Annotated[Path | None, written("Write a video of the run beside its plan, as animated WebP.", WEBP)] = None
     view: Annotated[
         str | None,
         option(
@@ -202,19 +208,9 @@ class RunSettings(SituationSettings):
             is_shown=True,
         ),
     ] = None
-    record: Annotated[
-        Path | None,
-        option(metavar="FILE", help="Write a recording for rerun (needs the extra record).", is_shown=True),
-        Writes(),
-    ] = None
+    record: Annotated[Path | None, written("Write a recording for rerun (needs the extra record).")] = None
     report: Annotated[
-        Path | None,
-        option(
-            metavar="FILE",
-            help="Write an HTML page of the run: plan, world and causes on one time line.",
-            is_shown=True,
-        ),
-        Writes(),
+        Path | None, written("Write an HTML page of the run: plan, world and causes on one time line.")
     ] = None
     watch: Annotated[
         bool,
@@ -228,27 +224,11 @@ class RunSettings(SituationSettings):
         option(help="Show the steps of the plan as a tree in the terminal while it runs.", is_shown=True),
     ] = False
     poses: Annotated[
-        Path | None,
-        option(
-            metavar="FILE",
-            help="Log the poses of things and links, as JSON Lines, for the export of experience.",
-            is_shown=True,
-        ),
-        Writes(),
+        Path | None, written("Log the poses of things and links, as JSON Lines, for the export of experience.")
     ] = None
-    upload: Annotated[
-        Path | None,
-        option(metavar="FILE", help="Write the map that the plan uploads, in Manchester syntax.", is_shown=True),
-        Writes(),
-    ] = None
+    upload: Annotated[Path | None, written("Write the map that the plan uploads, in Manchester syntax.")] = None
     update_map: Annotated[
-        Path | None,
-        option(
-            metavar="FILE",
-            help="Write the map, updated with what the robot knows at the end, in Manchester syntax.",
-            is_shown=True,
-        ),
-        Writes(),
+        Path | None, written("Write the map, updated with what the robot knows at the end, in Manchester syntax.")
     ] = None
     resume: Annotated[
         Path | None,
@@ -273,14 +253,13 @@ class SweepOptions(SituationSettings):
     ] = 1
     output: Annotated[
         Path | None,
-        option(
+        written(
+            "Append a line of JSON for each world; continue the sweep if the file exists.",
+            (),
             "-o",
             "--output",
             "--out",
-            metavar="FILE",
-            help="Append a line of JSON for each world; continue the sweep if the file exists.",
         ),
-        Writes(),
     ] = None
     processes: Annotated[
         int | None,
@@ -320,9 +299,7 @@ class LocateOptions(OntologyOptions):
     ] = None
     count: Annotated[int, option(least=1, most=1000, metavar="N", help="Number of poses, best first.")] = 3
     explain: Annotated[
-        Path | None,
-        option(metavar="FILE", help="Draw the candidates and the reasons for rejection, as PNG or SVG."),
-        Writes(PNG_OR_SVG),
+        Path | None, written("Draw the candidates and the reasons for rejection, as PNG or SVG.", PNG_OR_SVG)
     ] = None
     units: Units = None
     ignore_unread: IgnoreUnread = False
@@ -331,8 +308,8 @@ class LocateOptions(OntologyOptions):
 
 def in_header() -> Mapping[str, InHeader]:
     """Options that the header of a trace states, by name."""
-    marks = {name: one.mark(InHeader) for name, one in declared(RunSettings).items()}
-    return {name: mark for name, mark in marks.items() if mark is not None}
+    stated = {name: one.declared.in_header for name, one in declared(RunSettings).items()}
+    return {name: one for name, one in stated.items() if one is not None}
 
 
 def header_entries(settings: RunSettings, **instead: Any) -> dict[str, Any]:

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from numpy.typing import NDArray
 
 from executive.pictures.looks import BEVEL, Piece, Rgba, colour_of, colours, look_of, pieces_of
 from executive.pictures.solids import Solid, ball, box, lathe, shaded, tube
@@ -40,22 +39,32 @@ CELLS = 48
 """Initial number of grid cells along the longest side for vertex clustering; reduced until the mesh is small enough."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Look:
-    """A visual shape of a link, in its frame: a primitive with extents [m], or the surface of a mesh."""
+HERE = Pose((0.0, 0.0, 0.0))
+GREY: Rgba = (172, 174, 178, 255)
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A primitive or a mesh, posed in the frame of its body or link."""
 
     kind: str
+    """"box", "cylinder" (axis along z), "sphere" or "mesh"."""
     size: Size
-    pose: Pose
-    colour: Rgba | None = None
-    surface: Solid | None = None
+    """Extents along x, y and z [m]; for a mesh those of its bounding box."""
+    pose: Pose = HERE
+    colour: Rgba = GREY
+    """Red, green, blue and opacity, 0..255."""
+    mesh: Solid | None = None
+    """Surface of a shape of kind "mesh", whose vertices are duplicated along sharp edges."""
+    outward: tuple[float, float, float] | None = None
+    """For walls, the direction away from the room, in the frame of the body."""
 
 
-def looks_of_links(robot: Robot) -> dict[str, list[Look]]:
+def looks_of_links(robot: Robot) -> dict[str, list[Shape]]:
     """Visual shapes of each link; links without any get their collision shapes."""
     root = tree_of(robot.description.text.encode())
     materials = {one.get("name", ""): _colour_of(one) for one in root.iter("material") if one.find("color") is not None}
-    by_link: dict[str, list[Look]] = {}
+    by_link: dict[str, list[Shape]] = {}
     for link in root.iterfind("link"):
         looks = [look for visual in link.iterfind("visual") for look in _looks(visual, robot, materials)]
         if looks:
@@ -63,33 +72,32 @@ def looks_of_links(robot: Robot) -> dict[str, list[Look]]:
     for number, name in enumerate(robot.solid_names):
         if name not in by_link:
             by_link[name] = [
-                Look(SolidKind.BOX if kind == SolidKind.MESH else kind, size, pose)
+                Shape(SolidKind.BOX if kind == SolidKind.MESH else kind, size, pose)
                 for kind, size, pose in robot.shapes(number)
             ]
     return by_link
 
 
-def _looks(visual: Element, robot: Robot, materials: dict[str, Rgba | None]) -> Iterator[Look]:
+def _looks(visual: Element, robot: Robot, materials: dict[str, Rgba | None]) -> Iterator[Shape]:
     shape, origin, material = visual.find("geometry/*"), visual.find("origin"), visual.find("material")
     if shape is None:
         return
     xyz, rpy = (numbers("0 0 0" if origin is None else origin.get(name, "0 0 0")) for name in ("xyz", "rpy"))
     pose = Pose.from_matrix(rigid(rotation_of(*rpy), np.array(xyz)))
-    colour = None if material is None else _colour_of(material) or materials.get(material.get("name", ""))
+    stated = None if material is None else _colour_of(material) or materials.get(material.get("name", ""))
+    colour = GREY if stated in (None, _WHITE) else stated
     if shape.tag == "mesh":
         name = shape.get("filename", "")
         content = robot.description.meshes.get(name)
         if content is None:
             return
         scale = numbers(shape.get("scale", "1 1 1"))
-        surface = _triangles(content, "." + name.rpartition(".")[2], (scale[0], scale[1], scale[2]))
-        x, y, z = (2 * np.abs(surface.vertices).max(axis=0)).tolist()
-        yield Look(SolidKind.MESH, (x, y, z), pose, colour, surface)
+        yield _mesh(_triangles(content, "." + name.rpartition(".")[2], (scale[0], scale[1], scale[2])), colour, pose)
         return
     size = _extents(shape)
     if size is not None:
         kind = SolidKind.CYLINDER if shape.tag == "capsule" else SolidKind(shape.tag)
-        yield Look(kind, size, pose, colour)
+        yield Shape(kind, size, pose, colour)
 
 
 def _extents(shape: Element) -> Size | None:
@@ -259,44 +267,11 @@ def _head(scale: float) -> tuple[Piece, ...]:
     )
 
 
-HERE = Pose((0.0, 0.0, 0.0))
-GREY: Rgba = (172, 174, 178, 255)
 _WHITE: Rgba = (255, 255, 255, 255)
 _WALL: Rgba = (236, 234, 226, 255)
 _FLOOR: Rgba = (190, 184, 172, 255)
 _LOW = 0.12
 """Height of cut-off walls [m]."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Mesh:
-    """Triangle mesh in the frame of its shape [m].
-
-    Vertices are duplicated along sharp edges, so that the mean normal of the faces around a vertex is that of the
-    surface.
-    """
-
-    vertices: NDArray[np.float32]
-    """(n, 3)"""
-    triangles: NDArray[np.int32]
-    """(m, 3): indices of vertices, counterclockwise seen from outside."""
-
-
-@dataclass(frozen=True, slots=True)
-class Shape:
-    """A primitive or a mesh, posed in the frame of its body or link."""
-
-    kind: str
-    """"box", "cylinder" (axis along z), "sphere" or "mesh"."""
-    size: tuple[float, float, float]
-    """Extents along x, y and z [m]; for a mesh those of its bounding box."""
-    pose: Pose = HERE
-    colour: tuple[int, int, int, int] = GREY
-    """Red, green, blue and opacity, 0..255."""
-    mesh: Mesh | None = None
-    """Surface of a shape of kind "mesh"."""
-    outward: tuple[float, float, float] | None = None
-    """For walls, the direction away from the room, in the frame of the body."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -319,8 +294,7 @@ def drawn_in(world: Truth | PlanningWorld, wall: Callable[[Shape], Shape] | None
     for name in world.names():
         drawn += _body(world, world.scene.body(name), wall or lowered)
     for link, looks in looks_of_links(world.robot).items() if world.has_robot else ():
-        shapes = tuple(_link(look) for look in looks)
-        drawn.append(Drawn(("robot", link), shapes, partial(world.link_pose, link)))
+        drawn.append(Drawn(("robot", link), tuple(looks), partial(world.link_pose, link)))
     return tuple(drawn)
 
 
@@ -372,16 +346,8 @@ def _surface(piece: Piece, colour: Rgba = GREY, pose: Pose = HERE) -> Shape:
 
 
 def _mesh(solid: Solid, colour: Rgba, pose: Pose) -> Shape:
-    size, mesh = _mesh_of(solid)
-    return Shape(SolidKind.MESH, size, pose, colour, mesh)
-
-
-@lru_cache(maxsize=512)
-def _mesh_of(solid: Solid) -> tuple[Size, Mesh]:
-    """Convert a solid, which things of a class share."""
-    low, high = solid.vertices.min(axis=0), solid.vertices.max(axis=0)
-    x, y, z = (2 * np.maximum(-low, high)).tolist()
-    return (x, y, z), Mesh(solid.vertices.astype(np.float32), solid.faces.astype(np.int32))
+    x, y, z = (2 * np.abs(solid.vertices).max(axis=0)).tolist()
+    return Shape(SolidKind.MESH, (x, y, z), pose, colour, solid)
 
 
 def _part(part: Part, colour: Rgba) -> Shape:
@@ -403,13 +369,6 @@ def lowered(wall: Shape) -> Shape:
     x, y, z = wall.size
     low = min(_LOW, z)
     return replace(wall, size=(x, y, low), pose=wall.pose @ Pose((0.0, 0.0, (low - z) / 2)))
-
-
-def _link(look: Look) -> Shape:
-    colour = GREY if look.colour in (None, _WHITE) else look.colour
-    if look.surface is not None:
-        return _mesh(look.surface, colour, look.pose)
-    return Shape(look.kind, look.size, look.pose, colour)
 
 
 def _bytes(color: Color) -> Rgba:

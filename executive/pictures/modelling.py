@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.pictures.drawn import Mesh, Shape
+from executive.pictures.drawn import Shape
 from executive.pictures.solids import Solid, ball, box, lathe, shaded, vertex_normals
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, rotated
@@ -76,13 +76,9 @@ def model_of(shapes: Iterable[Shape], first: int = 0) -> Model:
 
 
 @lru_cache(maxsize=512)
-def _triangulated(shape: Mesh | tuple[str, Size]) -> tuple[Solid, Array]:
+def _triangulated(shape: Solid | tuple[str, Size]) -> tuple[Solid, Array]:
     """Triangulate a mesh, or a primitive of a kind and size, with the normals of its vertices (n, 3)."""
-    if isinstance(shape, Mesh):
-        solid = Solid(shape.vertices.astype(float), shape.triangles.astype(np.int64))
-    else:
-        solid = _primitive(*shape)
-    solid = _subdivided(solid)
+    solid = _subdivided(shape if isinstance(shape, Solid) else _primitive(*shape))
     return solid, vertex_normals(solid.vertices, solid.faces)
 
 

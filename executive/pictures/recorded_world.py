@@ -14,9 +14,9 @@ import numpy as np
 import rerun
 from numpy.typing import NDArray
 
-from executive.pictures.drawn import Drawn, Mesh, Shape
+from executive.pictures.drawn import Drawn, Shape
 from executive.pictures.pose_track import Tracks
-from executive.pictures.solids import vertex_normals
+from executive.pictures.solids import Solid, vertex_normals
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, rotated
 from planlang.geometry.shapes import SolidKind
@@ -151,14 +151,13 @@ def _drawings(shapes: Sequence[Shape]) -> list[Any]:
     return drawings
 
 
-def _mesh(meshes: Sequence[tuple[Shape, Mesh]]) -> rerun.Mesh3D:
+def _mesh(meshes: Sequence[tuple[Shape, Solid]]) -> rerun.Mesh3D:
     """Merge meshes in the frame of their body or link."""
     points, normals, triangles, colours, count = [], [], [], [], 0
     for shape, mesh in meshes:
-        vertices = mesh.vertices.astype(float)
-        points.append(moved(shape.pose.matrix(), vertices))
-        normals.append(rotated(shape.pose.rotation, vertex_normals(vertices, mesh.triangles.astype(np.int64))))
-        triangles.append(mesh.triangles + count)
+        points.append(moved(shape.pose.matrix(), mesh.vertices))
+        normals.append(rotated(shape.pose.rotation, vertex_normals(mesh.vertices, mesh.faces)))
+        triangles.append(mesh.faces + count)
         colours.append(np.tile(np.array(shape.colour, np.uint8), (len(mesh.vertices), 1)))
         count += len(mesh.vertices)
     vertex_colours = np.concatenate(colours)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.options.values import FARTHEST
+from executive.options.declaring import FARTHEST
 from executive.pictures.modelling import Model, joined
 from planlang.geometry import Array
 from planlang.records import dataclass

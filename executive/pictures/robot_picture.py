@@ -6,14 +6,16 @@ An arrow on the floor in front of the body points forward.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from executive.pictures.drawn import Shape, drawn_in
 from executive.pictures.modelling import Model, joined, model_of
-from executive.pictures.rendering import FIELD, Image, View, rendered
+from executive.pictures.rendering import Image, rendered
+from executive.pictures.scene_picture import shadow_sphere
+from executive.pictures.viewpoints import fitting
 from executive.robots import Arm, Robot
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved
@@ -37,8 +39,8 @@ ASIDE, ABOVE = math.radians(35), math.radians(18)
 """Direction from which the robot is seen: to its left of straight ahead, and above level."""
 HAND_ASIDE, HAND_ABOVE = math.radians(25), math.radians(50)
 """The same for a hand: from its approach towards its side, and out of the plane of its fingers."""
-SPARE = 1.15
-"""Factor on the radius around what is shown."""
+LEAST = 0.05
+"""Half the least height that a picture shows [m]."""
 ORIGIN = (0.0, 0.0, 0.0)
 
 
@@ -49,13 +51,11 @@ def robot_picture(robot: Robot, world: PlanningWorld, size: tuple[int, int]) -> 
     """
     models, arrow = list(_models(robot, world, ())), _arrow(robot.base.radius)
     points = np.concatenate([joined(models).vertices, arrow.vertices])
-    middle, radius = _sphere(points)
     away = np.array([math.cos(ASIDE) * math.cos(ABOVE), math.sin(ASIDE) * math.cos(ABOVE), math.sin(ABOVE)])
-    eye = middle + away * _distance(radius)
     frames = [arrow, _frame(Pose(ORIGIN), AXIS), *(_frame(world.link_pose(arm.tip), AXIS / 2) for arm in robot.arms)]
     if robot.camera is not None:
         frames += [_frame(world.link_pose(robot.camera.link), AXIS / 2), _sight(robot, world)]
-    return rendered([*models, *frames], _view(eye, middle), size, (middle, radius))
+    return _rendered([*models, *frames], points, -away, size)
 
 
 def hand_picture(robot: Robot, arm: Arm, world: PlanningWorld, size: tuple[int, int]) -> Image:
@@ -76,15 +76,14 @@ def hand_picture(robot: Robot, arm: Arm, world: PlanningWorld, size: tuple[int, 
     approach, closing = axes @ np.asarray(arm.approach), axes @ np.asarray(arm.closing)
     third = np.cross(approach, closing)
     points = np.concatenate([joined(models).vertices, np.array([tip.position])])
-    middle, radius = _sphere(points)
     level = math.cos(HAND_ASIDE) * third + math.sin(HAND_ASIDE) * closing
-    eye = middle + (math.cos(HAND_ABOVE) * approach + math.sin(HAND_ABOVE) * level) * _distance(radius)
+    away = math.cos(HAND_ABOVE) * approach + math.sin(HAND_ABOVE) * level
     frames = [_frame(tip, AXIS / 3)]
     if arm.gripper is not None and arm.gripper.max_opening > 0:
         half = arm.gripper.max_opening / 2 * closing
         at = np.asarray(tip.position)
         frames.append(_line(at - half, at + half, THICK / 4, SIGHT))
-    return rendered([*models, *frames], _view(eye, middle), size, (middle, max(radius, 0.1)))
+    return _rendered([*models, *frames], points, -away, size)
 
 
 def _links_of_hand(arm: Arm, world: PlanningWorld) -> frozenset[str]:
@@ -106,21 +105,10 @@ def _models(
             yield model_of(shapes, 100 * number).at(drawn.pose())
 
 
-def _sphere(points: Array) -> tuple[Array, float]:
-    """Return the middle of the box around points (n, 3), and the radius about it [m]."""
-    if not len(points):
-        return np.zeros(3), 0.5
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    return middle, max(SPARE * float(np.linalg.norm(points - middle, axis=1).max()), 0.05)
-
-
-def _distance(radius: float) -> float:
-    return radius / math.sin(FIELD / 2)
-
-
-def _view(eye: Array, target: Array) -> View:
-    (a, b, c), (x, y, z) = eye.tolist(), target.tolist()
-    return View((a, b, c), (x, y, z))
+def _rendered(models: Sequence[Model], points: Array, ahead: Array, size: tuple[int, int]) -> Image:
+    """Render models from a direction (3,), so that points (n, 3) fill the picture."""
+    view = fitting(points, ahead, size[0] / size[1], least=LEAST)
+    return rendered(models, view, size, shadow_sphere(view))
 
 
 def _frame(pose: Pose, length: float) -> Model:

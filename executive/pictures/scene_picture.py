@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image
 
-from executive.options.values import points_of_view
+from executive.options.declaring import points_of_view
 from executive.pictures import rendering
 from executive.pictures.modelling import Model
 from executive.pictures.rendering import View, rendered

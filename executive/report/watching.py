@@ -20,10 +20,11 @@ import numpy as np
 from executive.belief import Belief
 from executive.locations.rejections import MOST_PLACES, Rejections
 from executive.pictures import viewpoints
-from executive.pictures.drawn import HERE, Drawn, Mesh, Shape, drawn_in
+from executive.pictures.drawn import HERE, Drawn, Shape, drawn_in
 from executive.pictures.floor_plan import colours
 from executive.pictures.pose_track import RATE, Placed
 from executive.pictures.scenery import Outline, outlines
+from executive.pictures.solids import Solid
 from planlang.designators import Location
 from planlang.geometry import Array, Pose
 from planlang.records import dataclass
@@ -71,8 +72,8 @@ class Shapes:
             return data | {"mesh": self._mesh(shape.mesh)}
         return data | {"size": [round(float(one), 5) for one in shape.size]}
 
-    def _mesh(self, mesh: Mesh) -> int:
-        points, corners = np.asarray(mesh.vertices, np.float32), np.asarray(mesh.triangles, np.int64)
+    def _mesh(self, mesh: Solid) -> int:
+        points, corners = np.asarray(mesh.vertices, np.float32), mesh.faces
         key = hashlib.sha256(points.tobytes() + corners.tobytes()).digest()
         if key not in self._numbers:
             self._numbers[key] = len(self.meshes)

@@ -16,7 +16,6 @@ import numpy as np
 
 from executive.robots.mechanism import Mechanism, Part, is_tool, names
 from executive.robots.robot import side_of
-from planlang.geometry.matrices import rotated
 from planlang.geometry.urdf import Joint
 from planlang.records import dataclass
 
@@ -26,8 +25,6 @@ SHORT = 0.45
 """Greatest length of a finger, as a fraction of that of the arm: arms are longer than this beside their torso."""
 ASIDE = 0.03
 """Least distance of a left or right shoulder from the sagittal plane [m]."""
-UPRIGHT = 0.999
-"""Least cosine between vertical directions."""
 TURNS = 8 * math.pi
 """Range of a revolute joint beyond which it turns wheels, or is an error [rad]."""
 LEVEL_CAMERA = 0.5
@@ -60,11 +57,9 @@ class Anatomy:
         """Link -> greatest length of the chains below it, from joint to joint, all drawn out [m]."""
         self._depth = dict.fromkeys(mechanism.links, 0)
         """Link -> greatest number of moving joints in a row below it."""
-        self._hung: dict[str, list[Joint]] = {}
-        """Link -> joints that hang from it."""
         self._below: dict[str, list[Joint]] = {}
         """Uppermost link of a rigid group -> joints that move parts of it, in the order of the file."""
-        ordered = _from_the_root(mechanism)
+        ordered = mechanism.below(mechanism.root)
         for joint in ordered:
             self._top[joint.child] = self._top[joint.parent] if joint.kind == "fixed" else joint.child
         for joint in reversed(ordered):
@@ -72,7 +67,6 @@ class Anatomy:
             self._length[above] = max(self._length[above], self._length[below] + _step(joint))
             self._depth[above] = max(self._depth[above], self._depth[below] + (joint.kind != "fixed"))
         for joint in mechanism.joints.values():
-            self._hung.setdefault(joint.parent, []).append(joint)
             if joint.kind != "fixed":
                 self._below.setdefault(self._top[joint.parent], []).append(joint)
         self._alone: dict[str, list[Limb]] = {}
@@ -81,10 +75,10 @@ class Anatomy:
         self.arms = [limb for limb in limbs if is_arm(limb)]
         self.legs = [joint for joint in self.moving_below(mechanism.root) if self._is_leg(joint)]
 
-    def limb_of(self, link: str, name: str) -> Limb | None:
-        """Build the limb that ends at a link known to be a hand; None if too few joints move it."""
+    def limb_of(self, link: str, name: str, *, least: int = LEAST_ARM) -> Limb | None:
+        """Build the limb that ends at a link known to be a hand; None if fewer than ``least`` joints move it."""
         movers = [joint for joint in self.mechanism.chain(link) if self.mechanism.actuated(joint.name)]
-        if len(movers) < LEAST_ARM:
+        if len(movers) < least:
             return None
         limbs = self._limbs(self.mechanism.root, ())
         joints = next((limb.joints for limb in limbs if movers[-1] in limb.joints), tuple(movers))
@@ -95,7 +89,7 @@ class Anatomy:
     def motors(self, joint: Joint) -> int:
         """Count the joints with motors of their own in a row from a joint on, where most are."""
         own = self.mechanism.actuated(joint.name) and not names(Part.SPRING, joint.name, joint.child)
-        return own + max(map(self.motors, self._hung.get(joint.child, ())), default=0)
+        return own + max(map(self.motors, self.mechanism.hung.get(joint.child, ())), default=0)
 
     def moving_below(self, link: str) -> list[Joint]:
         """List the joints that move parts of a link or of the links rigidly attached to it, without wheels."""
@@ -166,13 +160,7 @@ class Anatomy:
 
     def subtree(self, joint: Joint) -> list[Joint]:
         """List a joint and all joints below it, fixed ones included."""
-        links = [joint.child]
-        found = [joint]
-        for link in links:
-            below = self._hung.get(link, [])
-            found += below
-            links += [one.child for one in below]
-        return found
+        return [joint, *self.mechanism.below(joint.child)]
 
     def _fingers(self, below: list[Joint], arm: float) -> tuple[Joint, ...]:
         """Choose the fingers among the parts at the end of an arm of some length [m]; none if the arm goes on."""
@@ -211,35 +199,6 @@ class Anatomy:
         """Length of the chain from a joint to a link, all drawn out [m]."""
         chain = self.mechanism.chain(link)
         return _stroke(first) + sum(map(_step, chain[chain.index(first) + 1 :]))
-
-
-def lift(mechanism: Mechanism, hands: Sequence[str]) -> Joint | None:
-    """Find the joint that raises all hands straight up; None if there is none.
-
-    Besides joints that slide, only those that carry several hands and turn about the vertical may be above it: the
-    others are those of an arm.
-    """
-    chains = [[mechanism.joints[name] for name in mechanism.movers(hand)] for hand in hands]
-    shared = [joint for joint in chains[0] if all(joint in chain for chain in chains)] if chains else []
-    lifts = []
-    for joint in shared:
-        rise = abs(float(rotated(mechanism.frame(joint.child)[:3, :3], joint.axis)[2]))
-        if joint.kind == "prismatic" and rise > UPRIGHT:
-            lifts.append(joint)
-        elif joint.kind != "prismatic" and (len(chains) == 1 or rise < UPRIGHT):
-            break
-    return max(lifts, key=lambda joint: joint.upper - joint.lower, default=None)
-
-
-def _from_the_root(mechanism: Mechanism) -> list[Joint]:
-    """List all joints, each after those above it."""
-    hung: dict[str, list[Joint]] = {}
-    for joint in mechanism.joints.values():
-        hung.setdefault(joint.parent, []).append(joint)
-    ordered = list(hung.get(mechanism.root, ()))
-    for joint in ordered:
-        ordered += hung.get(joint.child, ())
-    return ordered
 
 
 def _stroke(joint: Joint) -> float:

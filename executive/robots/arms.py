@@ -1,4 +1,4 @@
-"""Arms of a bound robot as location resolution and motion planning see them, and a posture for driving."""
+"""A bound robot as locations, motions and plans see it: models of its arms, its handle, and a posture for driving."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, moved, product
 from planlang.geometry.urdf import Joint, displacement, joints_between, read_urdf
 from planlang.progress import Report, Share, unreported
-from planlang.protocols import Configuration
+from planlang.protocols import Configuration, RobotInterface
 from planlang.records import dataclass
 from planlang.state import Hold, WorldState
 from sim import Body, PlanningWorld, Scene, WorldMirror
@@ -208,6 +208,33 @@ def gaze_of(robot: Robot) -> Gaze | None:
     aimed = robot.neck[-MOST_AIMED:]
     still = {name: value for name, value in still.items() if name not in aimed}
     return Gaze(robot.urdf, robot.base_link, robot.camera.link, aimed, robot.camera.forward, still=still)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotModel:
+    """A bound robot with the models of its arms and of its neck, as planning sees it. Equal in every world."""
+
+    robot: Robot
+    arms: tuple[ArmModel, ...]
+    """All arms, in the robot's order."""
+    gaze: Gaze | None
+    """Points the camera; None for a robot without one."""
+
+    @staticmethod
+    def of(robot: Robot, world: PlanningWorld) -> RobotModel:
+        """Build the model of a robot; ``world`` contains it, to measure its hands."""
+        return RobotModel(robot, arm_models(robot, world), gaze_of(robot))
+
+
+@dataclass(frozen=True, slots=True)
+class RobotHandle:
+    """One robot of a run. Nothing in it says that there is no other."""
+
+    name: str
+    """Its name in states of the world."""
+    interface: RobotInterface
+    """The real robot: it takes commands, and the world is known only by its sensors."""
+    model: RobotModel
 
 
 def _pose(joints: Sequence[Joint], positions: Mapping[str, float]) -> Array:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from executive.robots.limbs import URDF, Limbs, renamed, with_camera_neck
+from executive.robots.limbs import URDF, Limbs, described
 from executive.robots.mechanism import Mechanism, Naming, base_joints, grounded, mounted, source_of
 from executive.robots.robot import (
     Arm,
@@ -23,8 +23,6 @@ from executive.robots.robot import (
     read_self_model,
 )
 from executive.robots.robot_file import (
-    DEFAULT_BASE,
-    DEFAULT_LIMITS,
     RobotFile,
     looks_like_toml,
     looks_like_urdf,
@@ -66,7 +64,7 @@ def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders:
         model = read_self_model(load(model_path, folders=tuple(folders))) if model_path is not None else None
         return _bind(model, numbers, _urdf_of(numbers, urdf))
     if looks_like_urdf(path):
-        return _bind_urdf(path)
+        return _drafted(None, path)
     ontology = load(path, folders=tuple(folders))
     problems = [d for d in ontology.diagnostics if has_errors([d])]
     if problems:
@@ -74,22 +72,25 @@ def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders:
     return _bind_model(read_self_model(ontology), urdf)
 
 
-def _bind_urdf(path: Path) -> Robot:
-    """Bind a robot given by its URDF alone, using the draft of a robot file."""
-    from executive.robots.draft import draft_of  # imported late: most robots have a robot file or a self-model
+def _drafted(model: SelfModel | None, urdf: Path) -> Robot:
+    """Bind a robot without a robot file, using the draft of one."""
+    from executive.robots.draft import draft_of  # imported late: most robots have a robot file
 
-    draft = draft_of(path)
-    robot = bind_draft(draft, path)
-    made = calling("robot make", path, output=Path(f"{path.stem}.toml"))
+    naming = None if model is None else Naming(model, Mechanism(grounded(urdf)), [])
+    draft = draft_of(urdf, hands=[] if naming is None else [hand for _, hand, _ in described(naming)])
+    robot = bind_draft(draft, urdf, model)
+    made = calling("robot make", urdf, output=Path(f"{urdf.stem}.toml"))
     advice = Text(made, " writes a robot file to complete")
-    origin = note("B010", f"{robot.name} is derived from its URDF alone", Span(str(path)), advice)
-    return replace(robot, diagnostics=(origin, *draft.diagnostics(), *robot.diagnostics), file=None)
+    what = robot.name if model is None else f"what the self-model of {model.name} leaves open"
+    origin = note("B010", f"{what} is derived from its URDF alone", Span(str(urdf)), advice)
+    name = robot.name if model is None else model.name
+    return replace(robot, name=name, diagnostics=(origin, *draft.diagnostics(), *robot.diagnostics), file=None)
 
 
-def bind_draft(draft: Draft, path: Path) -> Robot:
+def bind_draft(draft: Draft, path: Path, model: SelfModel | None = None) -> Robot:
     """Bind the robot of a draft as if it had been written to ``path``."""
     numbers = read_robot(draft.text().encode(), path)
-    return _bind(None, numbers, numbers.urdf)
+    return _bind(model, numbers, numbers.urdf)
 
 
 def robots() -> tuple[str, ...]:
@@ -108,7 +109,9 @@ def _bind_model(model: SelfModel, urdf: Path | None) -> Robot:
     if urdf is not None:
         beside = urdf.with_suffix(".toml")
         numbers_beside = read_robot_file(beside) if beside.is_file() else _numbers_for(urdf)
-        return _bind(model, numbers_beside, _urdf_of(numbers_beside, urdf) if numbers_beside else urdf)
+        if numbers_beside is not None:
+            return _bind(model, numbers_beside, _urdf_of(numbers_beside, urdf))
+        return _drafted(model, urdf)
     absent: dict[str, str] = {}
     numbers = _matching(model, absent)
     if numbers is None:
@@ -192,66 +195,58 @@ def _same_arm(one: Mechanism, other: Mechanism, tip: str) -> bool:
     return bool(np.allclose(mine, others, atol=0.002))
 
 
-def _assumed(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Iterator[Diagnostic]:
-    """Yield notes about values that neither the self-model nor a robot file of this robot states."""
-    if numbers is None:
-        help = f"state them in [base], [joints.*] and [postures.*] of a robot file {urdf.stem}.toml beside the URDF"
-        yield note("B010", "speeds, postures and the size of the base are assumed", None, help)
-    elif model is not None and numbers.path.parent != urdf.parent and numbers.urdf.resolve() != urdf.resolve():
-        help = f"to change them, add a robot file {urdf.stem}.toml beside the URDF"
-        yield note("B010", f"speeds, postures and hands are those of the bundled robot {numbers.name}", None, help)
-
-
-def _bind(model: SelfModel | None, numbers: RobotFile | None, urdf: Path) -> Robot:
+def _bind(model: SelfModel | None, numbers: RobotFile, urdf: Path) -> Robot:
     still = grounded(urdf)
     mechanism = Mechanism(still)
     diagnostics = list(read_description(source_of(urdf)).diagnostics)
-    if numbers is None or numbers.path.parent != Bundled.ROBOT.folder or urdf != numbers.urdf:
+    if numbers.path.parent != Bundled.ROBOT.folder or urdf != numbers.urdf:
         vet(urdf)
-    if numbers is not None:
-        diagnostics += _check(numbers, mechanism)
-        if has_errors(diagnostics):
-            raise BadInput(diagnostics)
+    diagnostics += _check(numbers, mechanism)
+    if has_errors(diagnostics):
+        raise BadInput(diagnostics)
     limbs = Limbs(mechanism, numbers, diagnostics)
     if model is not None:
         _check_same(model, mechanism, diagnostics)
         naming = Naming(model, mechanism, diagnostics)
-        arms = renamed(limbs.from_model(model, naming))
+        arms = limbs.from_model(model, naming)
         _list_unknown(model, naming, diagnostics)
     else:
-        arms = limbs.from_numbers(numbers) if numbers else ()
+        arms = limbs.from_numbers()
     torso = limbs.torso([arm.tip for arm in arms])
-    camera = _camera(model, numbers, mechanism)
+    camera = numbers.camera if model is None or _has_camera(model) else None
     neck = _neck(numbers, mechanism, camera, arms, torso)
     if has_errors(diagnostics):
         raise BadInput(diagnostics)
-    diagnostics.extend(_assumed(model, numbers, urdf))
+    if model is not None and numbers.path.parent != urdf.parent and numbers.urdf.resolve() != urdf.resolve():
+        help = f"to change them, add a robot file {urdf.stem}.toml beside the URDF"
+        message = f"speeds, postures and hands are those of the bundled robot {numbers.name}"
+        diagnostics.append(note("B010", message, None, help))
     limits = _limits(numbers, mechanism, arms, torso, neck)
-    if numbers is not None and numbers.path.parent != Bundled.ROBOT.folder:
+    if numbers.path.parent != Bundled.ROBOT.folder and numbers.path != source_of(urdf):  # a draft has no file to mend
         diagnostics.extend(_unused(numbers, arms, camera, limits))
     if model is not None:
         parts: tuple[Part, ...] = parts_of(model)
         claims: Mapping[str, Span | None] = claims_of(model)
     else:
-        parts, claims = inherent(arms, camera, DEFAULT_BASE if numbers is None else numbers.base)
+        parts, claims = inherent(arms, camera, numbers.base)
     return Robot(
-        name=numbers.name if numbers else (model.name if model else urdf.stem),
+        name=numbers.name,
         iri=model.iri if model else None,
         urdf=still,
         base_link=mechanism.root,
-        base=numbers.base if numbers else DEFAULT_BASE,
+        base=numbers.base,
         torso=torso,
         arms=arms,
         neck=neck,
         camera=camera,
-        postures=numbers.postures if numbers else {},
+        postures=numbers.postures,
         limits=limits,
-        allowed_contacts=numbers.allowed_contacts if numbers else (),
+        allowed_contacts=numbers.allowed_contacts,
         parts=parts,
         claims=claims,
         model=model,
         diagnostics=tuple(diagnostics),
-        file=numbers.path if numbers is not None and model is None else None,
+        file=numbers.path if model is None else None,
     )
 
 
@@ -352,54 +347,32 @@ def _check(numbers: RobotFile, mechanism: Mechanism) -> list[Diagnostic]:
     return problems
 
 
-def _camera(model: SelfModel | None, numbers: RobotFile | None, mechanism: Mechanism) -> CameraModel | None:
-    """Choose the camera: that of the robot file if the self-model has any, else the model's first one in the URDF."""
-    if model is None:
-        return numbers.camera if numbers else None
-    cameras = [
-        iri
-        for iri in model.components
-        if any(local_name(a) == "Camera" for cls in model.ontology.types(iri) for a in model.ontology.ancestors(cls))
-    ]
-    if numbers is not None:
-        return numbers.camera if cameras else None
-    links = [model.links[iri] for iri in cameras if model.links.get(iri) in mechanism.links]
-    if not links:
-        return None
-    if "optical" in links[0]:
-        return CameraModel(links[0])
-    return CameraModel(links[0], forward=(1.0, 0.0, 0.0), up=(0.0, 0.0, 1.0))
+def _has_camera(model: SelfModel) -> bool:
+    classes = (cls for iri in model.components for cls in model.ontology.types(iri))
+    return any(local_name(above) == "Camera" for cls in classes for above in model.ontology.ancestors(cls))
 
 
 def _neck(
-    numbers: RobotFile | None,
-    mechanism: Mechanism,
-    camera: CameraModel | None,
-    arms: tuple[Arm, ...],
-    torso: str | None,
+    numbers: RobotFile, mechanism: Mechanism, camera: CameraModel | None, arms: tuple[Arm, ...], torso: str | None
 ) -> tuple[str, ...]:
-    if camera is None:
-        return ()
-    return (numbers.neck if numbers else ()) or with_camera_neck(mechanism, camera.link, arms, torso)
+    """List the joints that aim the camera: those that are stated, else those that move it but no arm."""
+    if camera is None or numbers.neck:
+        return numbers.neck if camera is not None else ()
+    of_arms = {torso, *(joint for arm in arms for joint in arm.joints)}
+    return tuple(joint for joint in mechanism.movers(camera.link) if joint not in of_arms)
 
 
 def _limits(
-    numbers: RobotFile | None,
-    mechanism: Mechanism,
-    arms: tuple[Arm, ...],
-    torso: str | None,
-    neck: tuple[str, ...],
+    numbers: RobotFile, mechanism: Mechanism, arms: tuple[Arm, ...], torso: str | None, neck: tuple[str, ...]
 ) -> Mapping[str, JointLimits]:
     """Collect the limits of all used joints; without stated limits, the lower of the default and the URDF's speed."""
     used = dict.fromkeys([torso] if torso else [])
     for arm in arms:
         used.update(dict.fromkeys((*arm.joints, *(arm.gripper.joints if arm.gripper else ()))))
     used.update(dict.fromkeys(neck))
-    defaults = numbers.default_limits if numbers else DEFAULT_LIMITS
-    stated = numbers.limits if numbers else {}
-    limits = {}
+    defaults, limits = numbers.default_limits, {}
     for name in used:
         speed = mechanism.joints[name].velocity
         slower = JointLimits(min(defaults.speed, speed or defaults.speed), defaults.acceleration, defaults.jerk)
-        limits[name] = stated.get(name, slower)
+        limits[name] = numbers.limits.get(name, slower)
     return limits

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 from planlang.designators import local_name
 from planlang.ontology import BNode, Literal, Ontology, Term
@@ -72,18 +72,13 @@ class ClosedWorld:
 
     def satisfies(self, thing: Term, expression: Expression, depth: int = DEEPEST) -> bool | None:
         """Evaluate whether an individual or a literal is in a class or a data range; None if that is unknown."""
-        if depth == 0:
-            return None
-        kind, parts = expression.kind, expression.parts
-        match kind:
+        return combined(expression, lambda part: self._is_in(thing, part, depth)) if depth else None
+
+    def _is_in(self, thing: Term, expression: Expression, depth: int) -> bool | None:
+        parts = expression.parts
+        match expression.kind:
             case "name":
                 return self._named(thing, expression.term, depth)
-            case "and":
-                return conjunction(self.satisfies(thing, part, depth - 1) for part in parts)
-            case "or":
-                return disjunction(self.satisfies(thing, part, depth - 1) for part in parts)
-            case "not":
-                return negation(self.satisfies(thing, parts[0], depth - 1))
             case "one of":
                 return any(_same(thing, part.term) for part in parts)
             case "facets":
@@ -160,9 +155,18 @@ def disjunction(answers: Iterable[bool | None]) -> bool | None:
     return True if True in values else None if None in values else False
 
 
-def negation(answer: bool | None) -> bool | None:
-    """Negation in Kleene's three-valued logic; None is unknown."""
-    return None if answer is None else not answer
+def combined(expression: Expression, decide: Callable[[Expression], bool | None]) -> bool | None:
+    """Evaluate what an expression combines by and, or, not, in the same logic; ``decide`` evaluates the other parts."""
+    answers = (combined(part, decide) for part in expression.parts)
+    match expression.kind:
+        case "and":
+            return conjunction(answers)
+        case "or":
+            return disjunction(answers)
+        case "not":
+            answer = next(answers)
+            return None if answer is None else not answer
+    return decide(expression)
 
 
 def _same(one: Term, other: Term | None) -> bool:

@@ -174,11 +174,11 @@ def toml(value: Any) -> str:
     return str(value)
 
 
-def draft_of(urdf: Path, srdf: Path | None = None, *, named: str | None = None) -> Draft:
+def draft_of(urdf: Path, srdf: Path | None = None, *, named: str | None = None, hands: Sequence[str] = ()) -> Draft:
     """Draft the robot file of a URDF. Raises BadInput for files that cannot be read.
 
     ``srdf`` is by default the file of the same stem beside it, if there is one; ``named`` is the path of the URDF to
-    write into the robot file.
+    write into the robot file; ``hands`` are links at which a self-model says that arms end.
     """
     still = grounded(urdf)
     mechanism = Mechanism(still)
@@ -192,7 +192,7 @@ def draft_of(urdf: Path, srdf: Path | None = None, *, named: str | None = None) 
     world = PlanningWorld(Scene(()), RobotBody(still, CameraModel(mechanism.root), moving=moving))
     unused = srdf_content.unused if srdf_content is not None else ()
     try:
-        return _Maker(Draft(urdf, unused=unused), parts, srdf_content, world).make(named or urdf.name)
+        return _Maker(Draft(urdf, unused=unused), parts, srdf_content, world, hands).make(named or urdf.name)
     finally:
         world.close()
 
@@ -208,11 +208,13 @@ def sunk_in_floor(world: PlanningWorld) -> str:
 class _Maker:
     """Fills a draft, table by table."""
 
-    def __init__(self, draft: Draft, parts: Anatomy, srdf: Srdf | None, world: PlanningWorld) -> None:
-        self.draft, self.anatomy, self.srdf, self.world = draft, parts, srdf, world
+    def __init__(
+        self, draft: Draft, parts: Anatomy, srdf: Srdf | None, world: PlanningWorld, hands: Sequence[str]
+    ) -> None:
+        self.draft, self.anatomy, self.srdf, self.world, self.hands = draft, parts, srdf, world, hands
         self.mechanism = mechanism = parts.mechanism
         self.limbs = self._limbs()
-        self.lift = anatomy.lift(mechanism, [limb.hand for limb in self.limbs])
+        self.lift = mechanism.lift([limb.hand for limb in self.limbs])
         self.movers = dict.fromkeys(name for limb in self.limbs for name in mechanism.movers(limb.hand))
         """Joints that move a hand, those of a torso included."""
 
@@ -237,7 +239,9 @@ class _Maker:
         return self.draft
 
     def _limbs(self) -> list[Limb]:
-        """Find the arms: those that end at end effectors of the SRDF, else those of the kinematic tree."""
+        """Find the arms: those that end at hands known as such, of a self-model or an SRDF, else by their joints."""
+        if self.hands:
+            return [limb for link in self.hands if (limb := self.anatomy.limb_of(link, "", least=1)) is not None]
         end_effectors = self.srdf.end_effectors if self.srdf is not None else ()
         at_end_effectors = (
             self.anatomy.limb_of(one.parent_link, one.parent_group or one.name) for one in end_effectors

@@ -7,7 +7,7 @@ with a thumb closes it against all other fingers, other hands close fingers from
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -100,7 +100,10 @@ class _Hand:
         self.limb, self.mechanism, self.world = limb, mechanism, world
         self.posture: Configuration | None = None
         """Posture of the hand that frames and points are of; None for that of the robot in ``world``."""
-        self.links = {joint.name: _below(mechanism, joint, limb.fingers) for joint in limb.fingers}
+        self.links = {
+            joint.name: [joint.child, *(one.child for one in mechanism.below(joint.child, limb.fingers))]
+            for joint in limb.fingers
+        }
         """Finger joint -> links that move with it, without those of a finger that hangs from it."""
         inner = [j for j in mechanism.joints.values() if any(j.child in links for links in self.links.values())]
         driven = [j for j in inner if mechanism.actuated(j.name) and not names(Part.SPRING, j.name, j.child)]
@@ -178,19 +181,20 @@ class _Hand:
         joints = self.world.robot.joints
         posture = {name: value for name, value in {**self.rest, **values}.items() if name in joints}
         self.posture = Configuration((0.0, 0.0, 0.0), posture)
-        numbers = {name: number for number, name in enumerate(self.world.robot.solid_names)}
-        to_hand = inverse(self.world.link_pose(self.limb.hand, self.posture).matrix())
         points = {}
         for finger, links in self.links.items():
-            solid = [numbers[link] for link in links if link in numbers]
-            if solid:
-                points[finger] = moved(to_hand, np.concatenate(self.world.robot.points(solid)))
-            else:
-                points[finger] = np.stack([self._place(link) for link in links])
-        palm = [numbers[link] for link in self.mechanism.rigid_with(self.limb.hand) if link in numbers]
+            drawn = self._drawn(links)
+            points[finger] = np.concatenate(drawn) if drawn else np.stack([self._place(link) for link in links])
+        palm = self._drawn(self.mechanism.rigid_with(self.limb.hand))
         if len(self.links) == 1 and palm:
-            points[FIXED] = moved(to_hand, np.concatenate(self.world.robot.points(palm)))
+            points[FIXED] = np.concatenate(palm)
         return points
+
+    def _drawn(self, links: Iterable[str]) -> list[Array]:
+        """Points (n, 3) of the shape of each of some links that has one."""
+        solid = {name: number for number, name in enumerate(self.world.robot.solid_names)}
+        to_hand = inverse(self.world.link_pose(self.limb.hand, self.posture).matrix())
+        return [moved(to_hand, one) for one in self.world.robot.points([solid[one] for one in links if one in solid])]
 
     def _roots(self) -> dict[str, Array]:
         """Where each finger begins (3,)."""
@@ -325,21 +329,11 @@ class _Hand:
             if not ends:  # a motor that fingers follow has no shape, and turns by itself
                 fingers = [links for links in self.links.values() if not solid.isdisjoint(links)]
                 for links in fingers or self.links.values():
-                    ahead = {
-                        link: float(
-                            (self._drawn(link) @ approach).max() if link in solid else self._place(link) @ approach
-                        )
-                        for link in links
-                    }
+                    points = {link: self._drawn([link]) or [self._place(link)] for link in links}
+                    ahead = {link: float((one[0] @ approach).max()) for link, one in points.items()}
                     ends.append(max(ahead, key=lambda link: round(ahead[link], 6)))
             turns.append({link: self._frame(link)[:3, :3] for link in ends})
         return all((np.trace(turns[0][link].T @ turns[1][link]) - 1) / 2 >= PARALLEL for link in ends)
-
-    def _drawn(self, link: str) -> Array:
-        """Points (n, 3) of the shape of a link."""
-        number = self.world.robot.solid_names.index(link)
-        to_hand = inverse(self.world.link_pose(self.limb.hand, self.posture).matrix())
-        return moved(to_hand, self.world.robot.points([number])[0])
 
     def _shut(self, widths: Mapping[int, float], last: int) -> int:
         """Find the step at which the fingers are closed: beyond it they overlap, or pass each other and part again.
@@ -411,11 +405,8 @@ class _Hand:
         if len(self.links) != 1:
             return []
         end = max(float((one @ approach).max()) for name, one in self._points({}).items() if name != FIXED)
-        numbers = {name: number for number, name in enumerate(self.world.robot.solid_names)}
-        palm = [link for link in self.mechanism.rigid_with(self.limb.hand) if link in numbers]
-        to_hand = inverse(self.world.link_pose(self.limb.hand, self.posture).matrix())
-        points = self.world.robot.points([numbers[link] for link in palm])
-        along = (float((moved(to_hand, one) @ approach).max()) for one in points)
+        palm = [link for link in self.mechanism.rigid_with(self.limb.hand) if link in self.world.robot.solid_names]
+        along = (float((one @ approach).max()) for one in self._drawn(palm))
         return [link for link, front in zip(palm, along, strict=True) if front >= end - FRONT]
 
     # Where it grips
@@ -461,12 +452,3 @@ class _Hand:
 def _axis(values: Iterable[float]) -> Axis:
     x, y, z = (round(float(value), 4) + 0.0 for value in values)
     return x, y, z
-
-
-def _below(mechanism: Mechanism, joint: Joint, fingers: Sequence[Joint]) -> Sequence[str]:
-    """List the links that move with the joint of a finger, without those of other fingers."""
-    links = [joint.child]
-    for link in links:
-        below = (one for one in mechanism.joints.values() if one.parent == link and one not in fingers)
-        links += [one.child for one in below]
-    return links

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 
-from executive.robots.closed_world import ClosedWorld, cardinality, conjunction, disjunction, negation
+from executive.robots.closed_world import ClosedWorld, cardinality, combined
 from executive.robots.requirements import (
     NEEDED,
     Availability,
@@ -181,21 +181,13 @@ class Matcher:
         """Check a combination of capabilities with and, or, not."""
         below: list[Finding] = []
 
-        def evaluate(expression: Expression) -> Availability:
-            if expression.kind == "name" and isinstance(expression.term, str):
-                below.append(replace(self.capability(expression.term), counts=False))
-                return below[-1].state
-            states = [evaluate(part) for part in expression.parts]
-            match expression.kind:
-                case "and":
-                    return together(states)
-                case "or":
-                    return together(states, any_of=True)
-                case "not":
-                    return {AVAILABLE: MISSING, MISSING: AVAILABLE}.get(states[0], UNKNOWN)
-            return UNKNOWN
+        def decide(part: Expression) -> bool | None:
+            if part.kind != "name" or not isinstance(part.term, str):
+                return None
+            below.append(replace(self.capability(part.term), counts=False))
+            return below[-1].state.decided
 
-        state = evaluate(needed.expression)
+        state = Availability.of(combined(needed.expression, decide))
         return Finding(FindingKind.CAPABILITY, needed.text, None, state, "", None, tuple(below), required=needed.span)
 
     # -- components
@@ -252,23 +244,10 @@ class Matcher:
     def _fits(self, part: Part, classes: Collection[str], needed: Requirement) -> bool | None:
         if needed.name is not None and (part.iri == needed.name or needed.name in classes):
             return True
-        if part.iri is None:
-            return self._by_classes(classes, needed.expression)
-        return self.world.satisfies(part.iri, needed.expression)
-
-    def _by_classes(self, classes: Collection[str], expression: Expression) -> bool | None:
-        """Evaluate an expression for a part of which only the classes are known, superclasses included."""
-        answers = [self._by_classes(classes, one) for one in expression.parts]
-        match expression.kind:
-            case "name":
-                return str(expression.term) in classes
-            case "and":
-                return conjunction(answers)
-            case "or":
-                return disjunction(answers)
-            case "not":
-                return negation(answers[0])
-        return None
+        if part.iri is not None:
+            return self.world.satisfies(part.iri, needed.expression)
+        # Of a part that the URDF implies only the classes are known, superclasses included.
+        return combined(needed.expression, lambda one: str(one.term) in classes if one.kind == "name" else None)
 
     def _shows(self, name: str | None) -> bool:
         """Check whether a URDF shows if a robot has parts of this class."""

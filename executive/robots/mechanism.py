@@ -10,11 +10,12 @@ import hashlib
 import math
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from copy import deepcopy
 from enum import Enum
 from functools import cache
 from importlib.metadata import Distribution, PackageNotFoundError, distribution, distributions
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +24,9 @@ from executive.robots.robot import SelfModel
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note
 from planlang.geometry import Array
-from planlang.geometry.matrices import moved, product, rotation_of
+from planlang.geometry.matrices import moved, product, rotated, rotation_of
 from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
-from planlang.geometry.urdf import Element, Joint, Urdf, displacement, read_urdf
+from planlang.geometry.urdf import Element, Joint, Urdf, read_urdf
 from planlang.geometry.urdf_schema import extents_of, numbers
 from planlang.package_paths import file_places
 from planlang.records import dataclass
@@ -105,6 +106,8 @@ MARKER = 0.01
 """Greatest distance from its frame of the shape of a link that only marks a point [m]: no palm is that small."""
 STILL = 1e-6
 """Range below which a joint does not move [rad, m]."""
+UPRIGHT = 0.999
+"""Least cosine between vertical directions."""
 _ODOMETRY = re.compile(r"odom|mobile|virtual|dummy|planar|footprint", re.IGNORECASE)
 
 
@@ -355,8 +358,11 @@ class Mechanism:
         self.above: dict[str, Joint] = {joint.child: joint for joint in self.joints.values()}
         """Link -> its parent joint."""
         self.links: dict[str, None] = {self.root: None}
+        self.hung: dict[str, list[Joint]] = {}
+        """Link -> the joints that hang from it, in the order of the file."""
         for joint in self.joints.values():
             self.links.update({joint.parent: None, joint.child: None})
+            self.hung.setdefault(joint.parent, []).append(joint)
 
     def moves(self, name: str) -> bool:
         """Check whether a joint of this name exists and moves, actuated or mimicking another one."""
@@ -398,18 +404,40 @@ class Mechanism:
             group += [j.child for j in self.joints.values() if j.parent == member and j.kind == "fixed"]
         return tuple(name for name in self.links if name in group)
 
+    def below(self, link: str, but: Collection[Joint] = ()) -> list[Joint]:
+        """List the joints below a link, each after those above it; ``but`` are left out with what they carry."""
+        found: list[Joint] = []
+        for parent in chain([link], (joint.child for joint in found)):
+            found += [joint for joint in self.hung.get(parent, ()) if joint not in but]
+        return found
+
     def fingers(self, hand: str) -> tuple[Joint, ...]:
         """List the moving joints below a link or the links rigidly attached to it, mimicking ones included."""
         group = self.rigid_with(hand)
         return tuple(j for j in self.joints.values() if j.parent in group and j.kind != "fixed")
 
-    def frame(self, link: str, position: float = 0.0, *, of: str = "") -> Array:
-        """Pose (4, 4) of a link in the root frame, with the joint ``of`` at ``position`` and all others at zero."""
+    def lift(self, hands: Sequence[str]) -> Joint | None:
+        """Find the joint that raises all hands straight up; None if there is none.
+
+        Besides joints that slide, only those that carry several hands and turn about the vertical may be above it: the
+        others are those of an arm.
+        """
+        chains = [[self.joints[name] for name in self.movers(hand)] for hand in hands]
+        shared = [joint for joint in chains[0] if all(joint in chain for chain in chains)] if chains else []
+        lifts = []
+        for joint in shared:
+            rise = abs(float(rotated(self.frame(joint.child)[:3, :3], joint.axis)[2]))
+            if joint.kind == "prismatic" and rise > UPRIGHT:
+                lifts.append(joint)
+            elif joint.kind != "prismatic" and (len(chains) == 1 or rise < UPRIGHT):
+                break
+        return max(lifts, key=lambda joint: joint.upper - joint.lower, default=None)
+
+    def frame(self, link: str) -> Array:
+        """Pose (4, 4) of a link in the root frame, with all joints at zero."""
         matrix = np.eye(4)
         for joint in self.chain(link):
             matrix = product(matrix, joint.origin)
-            if joint.name == of:
-                matrix = product(matrix, displacement(joint, position))
         return matrix
 
 

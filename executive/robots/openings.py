@@ -260,7 +260,10 @@ def bare_hand(mechanism: Mechanism, hand: str, solid: Collection[str]) -> str:
     ``solid`` are the links with a collision shape. "" if two sides have one, which is enough to hold a thing: two
     fingers, or one and the palm.
     """
-    fingers = {joint.name: _below(mechanism, joint.child) for joint in mechanism.fingers(hand)}
+    fingers = {
+        joint.name: [joint.child, *(one.child for one in mechanism.below(joint.child))]
+        for joint in mechanism.fingers(hand)
+    }
     return without_shapes(mechanism, hand, fingers, solid)
 
 
@@ -306,11 +309,3 @@ def in_series(links: Iterable[str]) -> str:
 def _drawn(names: Iterable[str], links: Mapping[str, Element]) -> list[str]:
     """Select the links that are drawn."""
     return [name for name in names if links[name].find("visual") is not None]
-
-
-def _below(mechanism: Mechanism, link: str) -> list[str]:
-    """List a link and all that hang from it."""
-    links = [link]
-    for one in links:
-        links += [joint.child for joint in mechanism.joints.values() if joint.parent == one]
-    return links

@@ -21,6 +21,16 @@ class Availability(Enum):
     MISSING = "missing"
     UNKNOWN = "unknown"
 
+    @classmethod
+    def of(cls, is_there: bool | None) -> Availability:
+        """Return the availability of what is there, is not there, or may be there (None)."""
+        return cls.UNKNOWN if is_there is None else cls.AVAILABLE if is_there else cls.MISSING
+
+    @property
+    def decided(self) -> bool | None:
+        """Whether it is there; None if that is unknown."""
+        return {Availability.AVAILABLE: True, Availability.MISSING: False}.get(self)
+
 
 class FindingKind(Enum):
     """Kind of a node of the tree."""

@@ -25,7 +25,7 @@ class Match:
     @property
     def feasible(self) -> bool | None:
         """True if the robot has all that the task requires, False if something is missing, None if that is unknown."""
-        return {Availability.AVAILABLE: True, Availability.MISSING: False}.get(self.tree.state)
+        return self.tree.state.decided
 
     def required(self, kind: FindingKind) -> tuple[Finding, ...]:
         """List the capabilities, or the components, that the task requires, each once."""

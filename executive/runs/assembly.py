@@ -24,20 +24,19 @@ from executive.belief.scene_collisions import BasePose
 from executive.belief.snapshots import changed_since, with_changes
 from executive.locations import Resolver
 from executive.maps import SemanticMap, default_starts
-from executive.modules.effects import ActionEffects, ModuleWithEffects
+from executive.modules.around_actions import RobotModule
+from executive.modules.effects import ActionEffects
 from executive.modules.giving_way import Lookout
-from executive.modules.looking_first import LookingFirst
-from executive.modules.noting_hands import NotingHands
 from executive.modules.platform import Platform
 from executive.robots import CARRYING, Robot
-from executive.robots.handle import RobotHandle, RobotModel
+from executive.robots.arms import RobotHandle, RobotModel
 from planlang.action_classes import ancestors_of
 from planlang.action_conditions import declared
 from planlang.changes import Physics
 from planlang.designators import Action, Condition, Device, FixedPose, Location, Object, a_posture, action
 from planlang.diagnostics import BadInput, Span, error
 from planlang.failures import LocationUnresolvable, ObjectNotFound, ObjectUnresolvable
-from planlang.language.process_module import ModuleOnce, ProcessModule, stated_as_before
+from planlang.language.process_module import ProcessModule
 from planlang.ontology import expand, shorten
 from planlang.progress import Report, unreported
 from planlang.protocols import Configuration, RobotInterface, Solution
@@ -190,12 +189,7 @@ class RobotExecutive:
         self.finding = frozenset(shorten(cls) for iri in primitives for cls in ontology.iris(iri, "performsAction"))
         """Action classes that search for things, whose poses need not be known before."""
         self.modules: Sequence[ProcessModule] = tuple(
-            ModuleWithEffects(
-                LookingFirst(NotingHands(ModuleOnce(one), platform.belief), platform, self.finding),
-                self._effects,
-                stated_as_before(one),
-            )
-            for one in (create(platform) for create in modules)
+            RobotModule(create(platform), platform, self._effects, self.finding) for create in modules
         )
         self._start = self._believed()
 

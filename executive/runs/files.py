@@ -7,8 +7,8 @@ import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from executive.options.declaring import Name
 from executive.options.running import Source
-from executive.options.values import Name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note
 from planlang.files import Bundled, decode, encoding_of, open_regular, read_at_most
 from planlang.language.source import PlanSource

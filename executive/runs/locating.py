@@ -14,9 +14,8 @@ from executive.locations import Rejections
 from executive.locations.demands import LocationMeaningless, base_demand, sides, thing_demand, viewpoint, without_unused
 from executive.maps import read_map, scene_of
 from executive.modules.platform import Platform
-from executive.options.declaring import outputs_of
+from executive.options.declaring import names, outputs_of, planar
 from executive.options.running import LocateOptions
-from executive.options.values import names, planar
 from executive.pictures.scenery import Resolution, scenery_of
 from executive.robots import bind_robot
 from executive.robots.arms import with_carrying

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
-from executive.options.declaring import outputs_of
+from executive.options.declaring import bindings, is_view, names, outputs_of, planar
 from executive.options.running import RunSettings
-from executive.options.values import bindings, is_view, names, planar
 from executive.runs.files import (
     RecipeFile,
     accepted,

@@ -17,14 +17,13 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warnin
 from planlang.files import Bundled
 from planlang.kernel.tree import Node
 from planlang.language.performing import is_inner
-from planlang.object_changes import state_word
 from planlang.outputs import named
 from planlang.records import dataclass
 from planlang.runs import DamagedTrace, Different, Past, RecordedRun, Repetition, differences
 from planlang.runs.codec import SCHEMA, load
 from planlang.runs.recorded_run import SPANS, OlderTrace
 from planlang.runs.repeating import OUTSIDE
-from planlang.runs.run_tree import decision_text
+from planlang.runs.run_tree import belief_text, decision_text
 from planlang.runs.trace import Listener
 from planlang.words import Blank, Option, Text, calling
 
@@ -61,24 +60,9 @@ def line_of(record: Mapping[str, Any]) -> str | None:
             return f"cannot be resumed from here on: a result from outside cannot be stored as JSON: {lost}"
         case {"event": "resumed"}:
             return "resumed"
-        case {"event": "belief", "change": "switched", "name": name, "state": state}:
-            return f"  belief: {name} {state_word(state)}"
-        case {"event": "belief", "change": "led" | "moved", "name": name, "value": value}:
-            return f"  belief: {name} {'closed' if value < CLOSED else 'open'}"
-        case {"event": "belief", "change": change, "name": name}:
-            return f"  belief: {name} {CHANGES.get(change, change)}"
+        case {"event": "belief", "change": _, "name": _}:
+            return f"  belief: {belief_text(record)}"
     return None
-
-
-CLOSED = 0.03
-"""Joint value [rad, m] below which a door or drawer counts as closed."""
-CHANGES = {
-    "leads": "held by its handle",
-    "let go": "released",
-    "not_seen": "not seen from here",
-    "not there": "not where it was believed to be",
-}
-"""Words for changes of the belief, if they differ from those in the trace."""
 
 
 AGREE = {

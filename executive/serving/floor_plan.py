@@ -7,7 +7,8 @@ from html import escape
 
 import numpy as np
 
-from executive.maps.semantic_map import MapObject, SemanticMap, read_map
+from executive.maps.classes import MapObject
+from executive.maps.semantic_map import SemanticMap, read_map
 from executive.serving.sources import LARGEST_SHOWN
 from executive.serving.uploads import load_upload
 from executive.serving.vocabulary import Vocabulary

@@ -11,7 +11,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from planlang.closure import reached
+from planlang.closure import grouped, reached
 from planlang.compiler.bodies import BodyWriter
 from planlang.compiler.expressions import Symbols, is_iri, quoted
 from planlang.compiler.layout import INDENT, WIDTH, Expression, Text, assignment, call, signature, statement
@@ -387,9 +387,7 @@ def _recipe(recipe: Recipe) -> Recipe:
 
 def _visits(machine: StateMachine) -> dict[str, int]:
     """Reachable states, numbered breadth-first from the start."""
-    after: dict[str, list[str]] = {}
-    for transition in machine.transitions:
-        after.setdefault(transition.source, []).append(transition.target)
+    after = grouped((transition.source, transition.target) for transition in machine.transitions)
     states = reached((machine.start,), lambda state: after.get(state, ()))
     return {state: number for number, state in enumerate(states)}
 

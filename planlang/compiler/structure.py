@@ -13,7 +13,7 @@ from dataclasses import field, replace
 from keyword import iskeyword
 from typing import TypeVar
 
-from planlang.closure import reached
+from planlang.closure import grouped, reached
 from planlang.compiler.expressions import Names
 from planlang.compiler.tree import Case, Event, Gate, Handle, Machine, Node, Parallel, PartialOrder, Series, State
 from planlang.designators import local_name, snake_case
@@ -410,7 +410,5 @@ def _cases(names: Mapping[str, str], state: str, leaving: list[Transition]) -> l
 
 
 def _entered(start: str, cases: list[Case]) -> set[str]:
-    after: dict[str, list[str]] = {}
-    for case in cases:
-        after.setdefault(case.state, []).append(case.target)
+    after = grouped((case.state, case.target) for case in cases)
     return {*reached((start,), lambda state: after.get(state, ()))}

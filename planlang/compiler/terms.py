@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from keyword import kwlist
 
+from planlang.closure import grouped
 from planlang.compiler.tree import ActionTerm, Described, LatestProduct, PlaceUse, Resting, StepResult, Value
 from planlang.designators import local_name, snake_case, unused_name
 from planlang.ontology import Ontology, shorten
@@ -128,10 +129,7 @@ class Terms:
     def producer_of(self, recipe: Recipe, step: Step, property_name: str, filler: Filler) -> str | None:
         """Step (IRI) whose result fills a property, if any; of several ordered producers the last one."""
         if recipe.iri not in self._flows:
-            flows: dict[tuple[str, str], list[Flow]] = {}
-            for flow in recipe.flows:
-                flows.setdefault((flow.consumer, flow.consumes or ""), []).append(flow)
-            self._flows[recipe.iri] = flows
+            self._flows[recipe.iri] = grouped(((flow.consumer, flow.consumes or ""), flow) for flow in recipe.flows)
         flows_in = self._flows[recipe.iri].get((step.iri, property_name), ())
         order = recipe_order(recipe)
         producers = [

@@ -18,7 +18,7 @@ from planlang.experience.model import (
     Role,
     Thing,
 )
-from planlang.experience.terms import DESIGNATORS, DUL, EXPERIENCE, SOMA, STATES
+from planlang.experience.narrative import DESIGNATORS, DUL, EXPERIENCE, SOMA, STATES
 from planlang.experience.traces import MOST_ACTIVITIES, MOST_STEPS
 from planlang.ontology.terms import RDF, RDFS, Literal, Term, Triple
 from planlang.ontology.turtle import read_turtle

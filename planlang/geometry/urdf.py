@@ -17,6 +17,7 @@ from xml.parsers import expat
 
 import numpy as np
 
+from planlang.closure import grouped
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
 from planlang.files import open_regular, read_at_most
 from planlang.geometry.matrices import Array, cross_matrix, product, rigid, rotation_of
@@ -462,9 +463,7 @@ class _Checker:
             advice = f"nothing hangs from {alone}: remove it, or add" if alone else "add"
             self._bad(message, links[roots[1]], f"{advice} a fixed joint between {roots[0]} and {roots[1]}")
             return
-        below: dict[str, list[str]] = {}
-        for child, parent in above.items():
-            below.setdefault(parent, []).append(child)
+        below = grouped((parent, child) for child, parent in above.items())
         hanging = list(roots)
         for name in hanging:
             hanging += below.get(name, ())

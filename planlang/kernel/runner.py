@@ -25,7 +25,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from queue import Empty, SimpleQueue
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any
 
 from planlang.kernel.cancel import evaporate
@@ -33,7 +33,7 @@ from planlang.kernel.core import Scheduler, Task, running
 from planlang.kernel.errors import NoProgress, Overdue, PlanStructureError
 from planlang.kernel.event_loop import ORIGINS, adopt, keep, loop, rest
 from planlang.kernel.hosts import WATCHDOG
-from planlang.kernel.tracebacks import is_own
+from planlang.kernel.tracebacks import is_own, lines_of
 from planlang.kernel.tree import name_of
 from planlang.misuse import contrast
 
@@ -276,17 +276,6 @@ def _debugged(frame: FrameType | None) -> bool:
     return False
 
 
-def where(traceback: TracebackType | None) -> str:
-    """Format the innermost line outside the plan language, as ``file.py:12``."""
-    place = "an unknown line"
-    while traceback is not None:
-        code = traceback.tb_frame.f_code
-        if not is_own(code.co_filename):
-            place = f"{code.co_filename.rpartition('/')[2]}:{traceback.tb_lineno}"
-        traceback = traceback.tb_next
-    return place
-
-
 class _Watchdog:
     """Thread that checks all runs of the process. It ends by itself after a few seconds without a run."""
 
@@ -407,8 +396,9 @@ def _outcome(scheduler: Scheduler, root: Task) -> Any:
 def _unresponsive(scheduler: Scheduler, period: float | None, error: Overdue) -> NoProgress:
     """Error for a run that the watchdog interrupted."""
     task = "the run" if scheduler.overdue is None else scheduler.overdue.path
+    place = next((f"{file}:{line}" for file, line in reversed(lines_of(error))), "an unknown line")
     return NoProgress(
-        f"{task} did not reach a checkpoint for more than {period} s, at {where(error.__traceback__)}; "
+        f"{task} did not reach a checkpoint for more than {period} s, at {place}; "
         "call blocking code with await in_thread(f), and await checkpoint() in long loops"
     )
 

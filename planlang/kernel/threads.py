@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextvars
 import inspect
 import threading
+import traceback
 from collections import deque
 from collections.abc import Callable, Coroutine
 from functools import partial
@@ -69,11 +70,7 @@ class AsyncioCall:
 
 def missing_loop_error(error: Exception) -> PlanStructureError | None:
     """Explain the error that asyncio code raised because a plan has no asyncio event loop; None for other errors."""
-    modules = []
-    link = error.__traceback__
-    while link is not None:
-        modules.append(str(link.tb_frame.f_globals.get("__name__")))
-        link = link.tb_next
+    modules = [str(frame.f_globals.get("__name__")) for frame, _ in traceback.walk_tb(error.__traceback__)]
     # Queues and locks of asyncio that are awaited in a plan fail in many ways, but always in a frame of asyncio.
     raised_in_asyncio = modules[-1].partition(".")[0] == "asyncio" and "asyncio.runners" not in modules
     if str(error) != "no running event loop" and not (

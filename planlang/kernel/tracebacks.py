@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import functools
 import os
 import sys
+import traceback
+from collections import Counter
 from collections.abc import Callable, Iterable
 from types import CodeType, FrameType, TracebackType
 
 from planlang.kernel.core import Task
 from planlang.kernel.errors import CleanupOverrun, PlanStructureError, RunError
-from planlang.kernel.tree import Node
+from planlang.kernel.tree import Node, unbound
 from planlang.plan_failure import PlanFailure, Where
 
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
@@ -59,10 +60,7 @@ def place_of(task: Task) -> str:
     frame = innermost_frame(task.coroutine)
     if frame is not None:
         return f" at {place_in(frame)}"
-    function: object = task.branch
-    while isinstance(function, functools.partial):
-        function = function.func
-    code = getattr(function, "__code__", None)
+    code = getattr(unbound(task.branch), "__code__", None)
     if isinstance(code, CodeType) and not is_own(code.co_filename):
         return f" at {os.path.basename(code.co_filename)}:{code.co_firstlineno}"
     scope = task.group
@@ -102,15 +100,15 @@ def listing(title: str, tasks: Iterable[Task]) -> str:
     return "\n".join(lines)
 
 
+def lines_of(error: BaseException) -> list[tuple[str, int]]:
+    """File and line of each frame of an error's traceback outside the plan language, the innermost last."""
+    passed = ((frame.f_code.co_filename, line) for frame, line in traceback.walk_tb(error.__traceback__))
+    return [(os.path.basename(file), line) for file, line in passed if not is_own(file)]
+
+
 def locate(failure: PlanFailure, node: Node, revision: Callable[[], int] | None) -> None:
     """Store in a failure where it arose: the node, and the innermost line outside the plan language."""
-    file, line = "", 0
-    traceback = failure.__traceback__
-    while traceback is not None:
-        filename = traceback.tb_frame.f_code.co_filename
-        if not is_own(filename):
-            file, line = os.path.basename(filename), traceback.tb_lineno
-        traceback = traceback.tb_next
+    file, line = next(reversed(lines_of(failure)), ("", 0))
     failure.where = Where(node.path, file, line, revision() if revision is not None else None)
 
 
@@ -118,14 +116,9 @@ def explain_recursion(error: RecursionError, path: str) -> None:
     """Add a note that names the plan's functions in an endless recursion, unless the error has one already."""
     if any("recursion without end" in note for note in getattr(error, "__notes__", ())):
         return
-    counts: dict[str, int] = {}
-    traceback = error.__traceback__
-    while traceback is not None:
-        code = traceback.tb_frame.f_code
-        if not is_own(code.co_filename):
-            where = f"{code.co_qualname} at {os.path.basename(code.co_filename)}:{traceback.tb_lineno}"
-            counts[where] = counts.get(where, 0) + 1
-        traceback = traceback.tb_next
+    passed = traceback.walk_tb(error.__traceback__)
+    own = ((frame.f_code, line) for frame, line in passed if not is_own(frame.f_code.co_filename))
+    counts = Counter(f"{code.co_qualname} at {os.path.basename(code.co_filename)}:{line}" for code, line in own)
     recursive = [where for where, count in counts.items() if count > 10]
     error.add_note(f"in {path}: recursion without end: {', then '.join(recursive[:SHOWN]) or 'unknown functions'}")
 

@@ -91,13 +91,20 @@ class Node:
         return self._counts is None
 
 
+def unbound(branch: Callable[..., Any]) -> Callable[..., Any]:
+    """Function that a branch calls: what ``partial`` binds arguments to, or the branch itself."""
+    while isinstance(branch, functools.partial):
+        branch = branch.func
+    return branch
+
+
 def name_of(branch: Callable[..., Any]) -> str:
     """Path element of a branch: the name of its function, ``lambda``, or the name of its class.
 
     Line numbers are not part of it, as random streams are derived from paths and must not change with inserted lines.
     """
-    while isinstance(branch, functools.partial):
-        branch = branch.func
+    if branch.__class__ is not FunctionType:
+        branch = unbound(branch)
     name: object = branch.__name__ if branch.__class__ is FunctionType else getattr(branch, "__name__", None)
     if name == "<lambda>":
         return "lambda"

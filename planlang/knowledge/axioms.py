@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import field, replace
 
+from planlang.closure import grouped
 from planlang.ontology import BNode, Ontology, Term
 from planlang.ontology.classes import twin
 from planlang.ontology.expression_text import expression_of
@@ -115,9 +116,7 @@ def _read_class_axioms(ontology: Ontology, found: Axioms) -> None:
                 if parts and len(known) == len(parts):
                     _include(name, whole, found)
                     _include(whole, name, found)
-    for triple in ontology.triples(p=OWL.disjointWith):
-        if isinstance(triple.subject, str) and isinstance(triple.object, str):
-            found.disjoint.append((triple.subject, triple.object))
+    found.disjoint += ontology.links(OWL.disjointWith)
 
 
 def _include(lower: Expression, upper: Expression, found: Axioms) -> None:
@@ -193,11 +192,9 @@ def _read_facts(ontology: Ontology, found: Axioms, known: Ontology, vocabulary: 
         and (triple.object == OWL.NamedIndividual or not str(triple.object).startswith(language))
     }
     inverses = _inverses(known)
-    stated_same = ((triple.subject, triple.object) for triple in ontology.triples(p=OWL.sameAs))
-    for pair in (*stated_same, *ontology.same.items()):
-        for one, other in (pair, pair[::-1]):
-            if isinstance(one, str) and isinstance(other, str):
-                found.state(One(one), One(other))
+    for one, other in (*ontology.links(OWL.sameAs), *ontology.same.items()):
+        found.state(One(one), One(other))
+        found.state(One(other), One(one))
     for individual in individuals:
         for triple in ontology.triples(s=individual):
             if triple.predicate == RDF.type:
@@ -218,12 +215,7 @@ def _read_facts(ontology: Ontology, found: Axioms, known: Ontology, vocabulary: 
 
 def _inverses(ontology: Ontology) -> dict[str, list[str]]:
     """Map each property to its named inverses, whichever of the two states them."""
-    found: dict[str, list[str]] = {}
-    for triple in ontology.triples(p=OWL.inverseOf):
-        if isinstance(triple.subject, str) and isinstance(triple.object, str):
-            found.setdefault(triple.subject, []).append(triple.object)
-            found.setdefault(triple.object, []).append(triple.subject)
-    return found
+    return grouped(pair for one, other in ontology.links(OWL.inverseOf) for pair in ((one, other), (other, one)))
 
 
 def concept(expression: Expression | None) -> Concept | None:

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from itertools import chain
 
+from planlang.closure import grouped
 from planlang.designators import local_part
 from planlang.ontology.terms import OWL
 
@@ -99,7 +100,4 @@ def _pairs(name: str) -> set[str]:
 
 def names_in(iris: Iterable[str]) -> dict[str, list[str]]:
     """Group IRIs by local name."""
-    found: dict[str, list[str]] = {}
-    for iri in iris:
-        found.setdefault(local_part(iri), []).append(iri)
-    return found
+    return grouped((local_part(iri), iri) for iri in iris)

@@ -20,6 +20,7 @@ import obstore
 from obstore.exceptions import BaseError
 from obstore.store import ObjectStore, from_url
 
+from planlang.closure import grouped
 from planlang.knowledge.entries import (
     REVISIONS_KEPT,
     SCHEME,
@@ -142,12 +143,9 @@ class SparqlStore:
     def entries(self, kind: Kind | None = None) -> Iterator[Entry]:
         """Yield all entries, or those of a kind, sorted by identifier."""
         wanted = "" if kind is None else f"?entry p:kind {_text(kind)}."
-        attachments: dict[str, list[Attachment]] = {}
-        for row in self._ask(_FILE, rest="ORDER BY ?uid ?name"):
-            attachments.setdefault(row["uid"], []).append(_attachment(row))
-        ratings: dict[str, list[Row]] = {}
-        for row in self._ask("?r p:rates ?uid; p:rating ?rating"):
-            ratings.setdefault(row["uid"], []).append(row)
+        files = self._ask(_FILE, rest="ORDER BY ?uid ?name")
+        attachments = grouped((row["uid"], _attachment(row)) for row in files)
+        ratings = grouped((row["uid"], row) for row in self._ask("?r p:rates ?uid; p:rating ?rating"))
         for row in self._ask(wanted + _ENTRY, _FIELDS, "ORDER BY ?uid"):
             yield _entry(row, attachments.get(row["uid"], []), ratings.get(row["uid"], []))
 

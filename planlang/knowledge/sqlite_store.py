@@ -16,6 +16,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
+from planlang.closure import grouped
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.knowledge.database import Connection, damaged, exception_of, typed
 from planlang.knowledge.entries import (
@@ -188,9 +189,8 @@ class SqliteStore:
     def entries(self, kind: Kind | None = None) -> Iterator[Entry]:
         """Yield all entries, or those of a kind, sorted by identifier."""
         database = self._database
-        attachments: dict[str, list[Attachment]] = {}
-        for uid, *row in database.execute("SELECT uid, name, media_type, sha256, size FROM attachments ORDER BY 1, 2"):
-            attachments.setdefault(uid, []).append(Attachment(*typed(row, str, str, str, int)))
+        files = database.execute("SELECT uid, name, media_type, sha256, size FROM attachments ORDER BY 1, 2")
+        attachments = grouped((uid, Attachment(*typed(row, str, str, str, int))) for uid, *row in files)
         ratings = self._all_ratings()
         wanted = "" if kind is None else " WHERE e.kind = ?"
         for row in database.execute(
@@ -339,11 +339,7 @@ class SqliteStore:
         return {uid: rating for uid, rating in found if rating is not None}
 
     def _all_ratings(self) -> dict[str, list[int]]:
-        found: dict[str, list[int]] = {}
-        for row in self._database.execute(_RATED):
-            uid, rating = typed(row, str, int)
-            found.setdefault(uid, []).append(rating)
-        return found
+        return grouped(typed(row, str, int) for row in self._database.execute(_RATED))
 
     # authors
 

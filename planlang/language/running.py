@@ -11,7 +11,7 @@ from planlang.kernel import Host, PlanStructureError, Scheduler, run_plan
 from planlang.kernel.hosts import LiveHost
 from planlang.kernel.schedule import Schedule, described, source_of
 from planlang.kernel.tracebacks import without_internals
-from planlang.kernel.tree import Node, name_of
+from planlang.kernel.tree import Node, name_of, unbound
 from planlang.language.budgets import charge
 from planlang.language.executive import RecordedExecutive, current
 from planlang.language.plans import Frame, frame
@@ -158,10 +158,7 @@ def _check(executive: object, trace: object, on_start: object) -> None:
 
 def known(plan: Callable[[], Awaitable[Any]], host: Host, seed: int, schedule: Schedule) -> dict[str, object]:
     """Header of a run's trace."""
-    marked = plan
-    while isinstance(marked, functools.partial):
-        marked = marked.func
-    iri = getattr(marked, "iri", None)
+    iri = getattr(unbound(plan), "iri", None)
     header = {"plan": name_of(plan), "iri": iri, "rate": host.rate, "seed": seed, "schedule": described(schedule)}
     return {**header, "real_time": True} if isinstance(host, LiveHost) else header
 

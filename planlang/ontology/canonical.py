@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import Enum
 from typing import TypeVar
 
+from planlang.closure import grouped
 from planlang.ontology.terms import OWL, PREFIXES, RDF, XSD, BNode, Literal, Term, Triple
 
 T = TypeVar("T")
@@ -265,9 +266,7 @@ def _colours(triples: list[Triple]) -> dict[BNode, str]:
     colours = _content(triples)
     for tie in range(MOST_TIES):
         colours = _refined(colours, out, into)
-        members: dict[str, list[BNode]] = {}
-        for node, colour in colours.items():
-            members.setdefault(colour, []).append(node)
+        members = grouped((colour, node) for node, colour in colours.items())
         tied = sorted(colour for colour, nodes in members.items() if len(nodes) > 1)
         if not tied:
             break

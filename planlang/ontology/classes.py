@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from planlang.closure import reached
+from planlang.closure import grouped, reached
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, ROBOEARTH, SOMA, VOCABULARIES, Literal, Term
@@ -298,10 +298,8 @@ def namesakes(undefined: Iterable[str], classes: Iterable[str]) -> dict[str, str
     missing = dict.fromkeys(name for name in undefined if not name.startswith(SOMA))  # its names have no other meaning
     if not missing:
         return {}
-    by_local_name: dict[str, list[str]] = {}
-    for cls in classes:
-        if not cls.startswith(tuple(VOCABULARIES.values())):
-            by_local_name.setdefault(local_name(cls), []).append(cls)
+    foreign = (cls for cls in classes if not cls.startswith(tuple(VOCABULARIES.values())))
+    by_local_name = grouped((local_name(cls), cls) for cls in foreign)
     return {name: same[0] for name in missing if len(same := by_local_name.get(local_name(name), [])) == 1}
 
 

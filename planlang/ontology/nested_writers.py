@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from xml.sax.saxutils import escape, quoteattr
 
+from planlang.closure import grouped
 from planlang.ontology.canonical import Names, Sorting, Subjects, labelled
 from planlang.ontology.terms import RDF, BNode, Literal, Term, Triple
 
@@ -92,9 +93,8 @@ class _TurtleWriter:
 
     def _properties(self, triples: list[Triple], depth: int) -> str:
         """Write ``property value, value ; property value``: rdf:type first, then by property or as in the file."""
-        values: dict[str, list[str]] = {}
-        for triple in _sorted(triples, order=self._order):
-            values.setdefault(triple.predicate, []).append(self._value(triple.object, depth))
+        in_order = _sorted(triples, order=self._order)
+        values = grouped((triple.predicate, self._value(triple.object, depth)) for triple in in_order)
         if self._order is Sorting.TERMS:
             values = {prop: sorted(texts) for prop, texts in values.items()}
         indent = "\n" + "    " * depth

@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from planlang.closure import grouped
 from planlang.designators import label_iris, local_part
 from planlang.diagnostics import Diagnostic, Span
 from planlang.kept import kept
@@ -27,8 +28,7 @@ from planlang.ontology.classes import (
     unread_parts,
 )
 from planlang.ontology.documents import Document, Reading, is_bundled, read_all
-from planlang.ontology.identity import same_names
-from planlang.ontology.naming import LABELS, best_label, readable_names
+from planlang.ontology.naming import LABELS, best_label, readable_names, same_names
 from planlang.ontology.terms import ABSOLUTE, KNOWROB, OWL, RDF, RDFS, ROBOEARTH, BNode, Literal, Term, Triple, expand
 from planlang.ontology.triples import Triples
 
@@ -145,6 +145,12 @@ class Ontology:
     def triples(self, s: str | BNode | None = None, p: str | None = None, o: Term | None = None) -> Iterator[Triple]:
         """Yield the triples with this subject, predicate and object (None: any), in document order."""
         return map(self.store.triple, self._rows(s, p, o))
+
+    def links(self, p: str) -> Iterator[tuple[str, str]]:
+        """Yield subject and object (IRIs) of the triples with a property that link two named terms."""
+        for one in self.triples(p=p):
+            if isinstance(one.subject, str) and isinstance(one.object, str):
+                yield one.subject, one.object
 
     def last(self, s: str | BNode, p: str) -> Triple | None:
         """Find the last triple with this subject and property; None if there is none."""
@@ -401,25 +407,18 @@ class Ontology:
 
     @cached_property
     def _property_edges(self) -> list[tuple[str, str]]:
-        same = OWL.equivalentProperty
-        stated = [(t, t.subject, t.object) for p in (RDFS.subPropertyOf, same) for t in self.triples(p=p)]
-        named = [(t, one, two) for t, one, two in stated if isinstance(one, str) and isinstance(two, str)]
-        pairs = [[(one, two), (two, one)] if t.predicate == same else [(one, two)] for t, one, two in named]
-        return [edge for edges in pairs for edge in edges]
+        edges = list(self.links(RDFS.subPropertyOf))
+        for one, other in self.links(OWL.equivalentProperty):
+            edges += [(one, other), (other, one)]
+        return edges
 
     @cached_property
     def _property_children(self) -> dict[str, list[str]]:
-        children: dict[str, list[str]] = {}
-        for lower, upper in self._property_edges:
-            children.setdefault(upper, []).append(lower)
-        return children
+        return grouped((upper, lower) for lower, upper in self._property_edges)
 
     @cached_property
     def _property_parents(self) -> dict[str, list[str]]:
-        parents: dict[str, list[str]] = {}
-        for lower, upper in self._property_edges:
-            parents.setdefault(lower, []).append(upper)
-        return parents
+        return grouped(self._property_edges)
 
     # class expressions
 
@@ -479,8 +478,4 @@ class Ontology:
     @cached_property
     def _parameters(self) -> dict[str, list[str]]:
         """Properties that the vocabulary lists for each class."""
-        properties: dict[str, list[str]] = {}
-        for triple in self.triples(p=KNOWROB + "hasParameter"):
-            if isinstance(triple.subject, str) and isinstance(triple.object, str):
-                properties.setdefault(triple.subject, []).append(triple.object)
-        return properties
+        return grouped(self.links(KNOWROB + "hasParameter"))

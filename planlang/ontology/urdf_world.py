@@ -18,6 +18,7 @@ from urllib.parse import quote
 
 import numpy as np
 
+from planlang.closure import grouped
 from planlang.designators import unused_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, unread
 from planlang.geometry import Array, Pose
@@ -25,7 +26,7 @@ from planlang.geometry.cover import FULL, boxes_of_surface, is_room, is_wide
 from planlang.geometry.matrices import product, rigid, rotation_of
 from planlang.geometry.mesh import BadMesh, Mesh, mesh_content, mesh_of
 from planlang.geometry.shapes import corners, outline_of
-from planlang.geometry.urdf import Element, Joint, Urdf, read_urdf
+from planlang.geometry.urdf import Element, Urdf, read_urdf
 from planlang.geometry.urdf_schema import numbers
 from planlang.ontology.terms import MOVED_LINKS, OWL, RDF, URDF_WORLDS, XSD, Literal, expand
 from planlang.ontology.triples import Parsed, Triples, counted
@@ -154,9 +155,7 @@ class _World:
     def _poses(self) -> dict[str, Array]:
         """Compute the pose (4, 4) of each link in the map with all joints at zero, in the order of the file."""
         poses = {self.urdf.root: np.eye(4)}
-        below: dict[str, list[Joint]] = {}
-        for joint in self.urdf.joints:
-            below.setdefault(joint.parent, []).append(joint)
+        below = grouped((joint.parent, joint) for joint in self.urdf.joints)
         waiting = [self.urdf.root]
         for link in waiting:
             for joint in below.get(link, ()):

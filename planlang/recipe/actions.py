@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from planlang.action_conditions import Declared, Pattern, declared, text_of, texts
-from planlang.closure import reached
+from planlang.closure import grouped, reached
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error
 from planlang.ontology import Literal, Ontology, expand, shorten
@@ -124,11 +124,11 @@ class Actions:
         library.
         """
         if self._last_moving is None or self._last_moving[0] is not recipes:
-            callers: dict[str, list[str]] = {}
-            for recipe in recipes.recipes.values():
-                for callee in (callee for step in recipe.steps for callee in step.recipes):
-                    callers.setdefault(callee, []).append(recipe.iri)
-            own = [recipe.iri for recipe in recipes.recipes.values() if any(map(self.is_base_motion, recipe.steps))]
+            every = recipes.recipes.values()
+            callers = grouped(
+                (callee, recipe.iri) for recipe in every for step in recipe.steps for callee in step.recipes
+            )
+            own = [recipe.iri for recipe in every if any(map(self.is_base_motion, recipe.steps))]
             stated = [iri for iri in own if iri not in self._standard]
             self._last_moving = recipes, (_with_callers(own, callers), _with_callers(stated, callers))
         return self._last_moving[1]
@@ -244,11 +244,7 @@ def read_primitives(ontology: Ontology) -> dict[str, Primitive]:
 
 def read_library(ontology: Ontology) -> dict[str, list[str]]:
     """Map action classes (IRIs) to the recipes (IRIs) that declare themselves the standard recipe for them."""
-    library: dict[str, list[str]] = {}
-    for triple in ontology.triples(p=expand("standardRecipeOf")):
-        if isinstance(triple.subject, str) and isinstance(triple.object, str):
-            library.setdefault(triple.object, []).append(triple.subject)
-    return library
+    return grouped((action, recipe) for recipe, action in ontology.links(expand("standardRecipeOf")))
 
 
 def read_recoveries(ontology: Ontology) -> tuple[RecoveryRule, ...]:

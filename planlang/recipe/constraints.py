@@ -37,7 +37,7 @@ def read_constraints(ontology: Ontology, parameters: tuple[Parameter, ...]) -> t
     """Replace names of constraints and parts among the parameters of a motion by the constraints and parts themselves.
 
     A constraint replaces the constraints that it is a subclass of. An incomplete one stays a name;
-    :mod:`planlang.recipe.checks.constraints` reports what it lacks.
+    :mod:`planlang.recipe.checks.fillers` reports what it lacks.
     """
     if not any(one.property == CONSTRAINED_BY for one in parameters):
         return parameters

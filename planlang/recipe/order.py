@@ -19,7 +19,7 @@ from functools import cached_property
 from itertools import pairwise
 from typing import Any, Generic, TypeVar
 
-from planlang.closure import reached
+from planlang.closure import grouped, reached
 from planlang.kept import kept
 from planlang.recipe import graphs as nx
 from planlang.recipe.actions import Actions, Movers
@@ -83,9 +83,7 @@ class Precedence(Generic[Node]):
     def extended(self, pairs: Iterable[tuple[Node, Node]], weak: Iterable[tuple[Node, Node]] = ()) -> Precedence[Node]:
         """Copy of this order with further pairs; ``weak`` ones are left out if they contradict those before them."""
         pairs_so_far = [*self.reduction(), *pairs]
-        follows: dict[Node, list[Node]] = {}
-        for before, after in pairs_so_far:
-            follows.setdefault(before, []).append(after)
+        follows = grouped(pairs_so_far)
         for before, after in weak:
             if not leads_to(follows, after, before):
                 pairs_so_far.append((before, after))

@@ -19,14 +19,12 @@ from planlang.recipe.checks import (
     CheckedFile,
     CheckedRecipe,
     check,
-    constraints,
+    fillers,
     loops,
     losses,
     orderings,
     parameters,
-    places,
     resources,
-    slots,
     steps,
 )
 from planlang.recipe.checks.misspellings import misspellings, with_corrections
@@ -324,7 +322,7 @@ FILE_CHECKS: tuple[Check[[CheckedFile], Iterable[Diagnostic]], ...] = (
     parameters.unused_names,
     losses.lost_statements,
     steps.requirements,
-    slots.declarations,
+    fillers.declarations,
 )
 """Checks of a whole file. Here as in the other lists, a check follows those that suppress it."""
 
@@ -336,13 +334,13 @@ ANY_RECIPE: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     steps.abstract_steps,
     orderings.incomplete_constraints,
     parameters.unlisted_properties,
-    slots.wrong_kinds,
-    slots.unstated,
+    fillers.wrong_kinds,
+    fillers.unstated,
     parameters.fillers,
     parameters.left_out,
     parameters.unrelated_places,
-    places.numbers_of_references,
-    constraints.incomplete_constraints,
+    fillers.numbers_of_references,
+    fillers.incomplete_constraints,
 )
 """Checks of recipes in any dialect."""
 

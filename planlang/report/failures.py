@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
+from planlang.closure import grouped
 from planlang.failures import LocationUnresolvable, MissingCapability
 from planlang.report.tree import event_text, is_origin, shown
 from planlang.report.wording import Wording, duration
@@ -124,10 +125,7 @@ def cards_of(tree: RunTree, failures: Failures, wording: Wording) -> list[dict[s
     """
     origins = sorted((node for node in tree.numbered.values() if is_origin(node)), key=lambda node: node.last)
     cards = [_card(node, failures, wording, tree.rate) for node in origins]
-    ends: dict[int, list[dict[str, Any]]] = {}
-    for card in cards:
-        if not card["recovered"]:
-            ends.setdefault(card["failure"], []).append(card)
+    ends = grouped((card["failure"], card) for card in cards if not card["recovered"])
     fatal = [_merged(tree, failures, group) for group in ends.values()]
     every = [*fatal, *(card for card in cards if card["recovered"])]
     return [card | {"tried": _latest(card["tried"])} for card in every]

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import functools
 import inspect
 import linecache
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 
+from planlang.closure import grouped, reached
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput
+from planlang.kernel.tree import unbound
 from planlang.language.source import PlanSource
 from planlang.ontology import BNode, Ontology, Term
 from planlang.recipe.model import Recipe, RecipeSet, Step
@@ -67,9 +68,7 @@ def plan_source(source: PlanSource) -> Source:
 
 def source_of(function: object) -> Source | None:
     """Read the source of a plan function, which need not be in a file; None if it has no source."""
-    while isinstance(function, functools.partial):
-        function = function.func
-    code = getattr(inspect.unwrap(function), "__code__", None) if callable(function) else None
+    code = getattr(inspect.unwrap(unbound(function)), "__code__", None) if callable(function) else None
     text = "".join(linecache.getlines(code.co_filename)) if code is not None else ""
     return plan_source(PlanSource(text, code.co_filename)) if code is not None and text else None
 
@@ -100,9 +99,9 @@ def recipe_source(recipes: RecipeSet, ontology: Ontology, name: str, text: str) 
 
 def _definitions(document: Ontology, text: str) -> dict[str, tuple[int, int]]:
     """Map each name (IRI) of a document to the first and last line of its definition."""
-    about: dict[Term, list[tuple[int, Term]]] = {}
-    for triple in document.triples():
-        about.setdefault(triple.subject, []).append((triple.span.line, triple.object))
+    about: dict[Term, list[tuple[int, Term]]] = grouped(
+        (triple.subject, (triple.span.line, triple.object)) for triple in document.triples()
+    )
     spans = ((iri, document.span(iri)) for iri in about if isinstance(iri, str))
     begins = {iri: span.line for iri, span in spans if span is not None}
     starts, rows = sorted(set(begins.values())), text.splitlines()
@@ -118,14 +117,12 @@ def _definitions(document: Ontology, text: str) -> dict[str, tuple[int, int]]:
 
 def _lines_about(iri: str, about: Mapping[Term, Sequence[tuple[int, Term]]]) -> Iterator[int]:
     """Yield the lines of statements about a name, and about the anonymous nodes that it refers to."""
-    pending: list[Term] = [iri]
-    visited = set(pending)
-    while pending:
-        for line, value in about.get(pending.pop(), ()):
-            yield line
-            if isinstance(value, BNode) and value not in visited:
-                visited.add(value)
-                pending.append(value)
+
+    def anonymous(node: Term) -> Iterator[Term]:
+        return (value for _, value in about.get(node, ()) if isinstance(value, BNode))
+
+    start: Term = iri
+    yield from (line for node in reached((start,), anonymous) for line, _ in about.get(node, ()))
 
 
 def labels_of(recipes: RecipeSet) -> dict[str, str]:

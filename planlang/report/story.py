@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from planlang.report.failures import Failures
-from planlang.report.tree import belief_text, is_origin, pose_text, shown
+from planlang.report.tree import is_origin, pose_text, shown
 from planlang.report.wording import Wording, duration
-from planlang.runs.run_tree import Happened, RunTree, TaskNode
+from planlang.runs.run_tree import Happened, RunTree, TaskNode, belief_text
 
 
 def story_of(tree: RunTree, wording: Wording, failures: Failures, end: float) -> list[list[Any]]:
@@ -25,7 +25,7 @@ def story_of(tree: RunTree, wording: Wording, failures: Failures, end: float) ->
     for one in tree.belief:
         if one.details.get("change") in _LEARNT:
             time = round(one.step / tree.rate, 4)
-            sentences.append((one.place, [time, None, f"Belief: {belief_text(one.details)}.", "belief"]))
+            sentences.append((one.place, [time, None, f"Belief: {shown(belief_text(one.details))}.", "belief"]))
     return [sentence for _, sentence in sorted(sentences, key=lambda one: one[0])]
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from planlang.designators import local_name
-from planlang.runs.run_tree import Happened, RunTree, TaskNode, decision_text
+from planlang.runs.run_tree import Happened, RunTree, TaskNode, belief_text, decision_text
 
 Held = tuple[str, TaskNode, int, int | None]
 """A resource, the node that held it, and its first and last step."""
@@ -238,7 +238,7 @@ def marks_of(tree: RunTree) -> list[list[Any]]:
         if is_origin(node):
             marks.append([_seconds(node.end), number, "failure", shown(node.reason)])
     for one in tree.belief:
-        marks.append([_seconds(one.step / tree.rate), None, "belief", belief_text(one.details)])
+        marks.append([_seconds(one.step / tree.rate), None, "belief", shown(belief_text(one.details))])
     return sorted(marks, key=lambda mark: mark[0])
 
 
@@ -247,21 +247,6 @@ def is_origin(node: TaskNode) -> bool:
     return node.failure is not None and not any(
         child.failure is not None and child.ended == node.ended for child in node.children
     )
-
-
-def belief_text(details: Mapping[str, Any]) -> str:
-    """Describe a change of the belief, without punctuation: ``bottle1 seen``."""
-    word = str(details.get("change", "changed")).replace("_", " ")
-    return shown(f"{details.get('name', 'something')} {_CHANGES.get(word, word)}")
-
-
-_CHANGES = {
-    "leads": "held by its handle",
-    "led": "moved by its handle",
-    "let go": "released",
-    "not there": "not where it was believed to be",
-    "not seen": "not seen from there",
-}
 
 
 def _seconds(time: float | None) -> float | None:

@@ -8,6 +8,7 @@ from dataclasses import field
 from typing import Any
 
 from planlang.designators import local_name
+from planlang.object_changes import state_word
 from planlang.records import dataclass
 from planlang.runs.recorded_run import BOOKKEEPING, details
 
@@ -202,3 +203,27 @@ class RunTree:
 def decision_text(decision: str) -> str:
     """Name a decision of a recovery that an event has."""
     return "no attempts left" if decision == "used up" else decision
+
+
+CLOSED = 0.03
+"""Joint value [rad, m] below which a door or drawer counts as closed."""
+_CHANGES = {
+    "leads": "held by its handle",
+    "led": "moved by its handle",
+    "let go": "released",
+    "not there": "not where it was believed to be",
+    "not seen": "not seen from here",
+}
+"""Words for changes of the belief, if they differ from those in the trace."""
+
+
+def belief_text(details: Mapping[str, Any]) -> str:
+    """Describe a change of the belief, without punctuation: ``bottle1 seen``."""
+    name = details.get("name", "something")
+    match details:
+        case {"change": "switched", "state": str(state)}:
+            return f"{name} {state_word(state)}"
+        case {"change": "led" | "moved", "value": int() | float() as value}:
+            return f"{name} {'closed' if value < CLOSED else 'open'}"
+    word = str(details.get("change", "changed")).replace("_", " ")
+    return f"{name} {_CHANGES.get(word, word)}"

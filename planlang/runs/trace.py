@@ -14,6 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol, Self, TextIO
 
+from planlang.closure import grouped
 from planlang.kernel.errors import RunError
 from planlang.kernel.signals import BaseFluent
 from planlang.kernel.tree import SUCCEEDED, Node, Status
@@ -316,9 +317,7 @@ class ResumedTrace(Trace):
     def __init__(self, inner: Trace, past: Past) -> None:
         super().__init__(inner.events)
         self._inner = inner
-        self._ahead: dict[int, list[Line]] = {}
-        for line in past.expected():
-            self._ahead.setdefault(line.step, []).append(line)
+        self._ahead = grouped((line.step, line) for line in past.expected())
         self._going_on = False
         self.problem: Different | None = None
         if not inner.continues:

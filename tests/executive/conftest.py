@@ -19,7 +19,7 @@ from executive.maps import MapObject, SemanticMap
 from executive.modules.bundled import bundled_registry
 from executive.modules.platform import Platform
 from executive.robots import Robot, bind_robot
-from executive.robots.handle import RobotHandle, RobotModel
+from executive.robots.arms import RobotHandle, RobotModel
 from executive.runs.assembly import RobotExecutive
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file

@@ -17,7 +17,8 @@ FACES = (
     "executive/templates/",  # files of users
 )
 OF_OTHERS = {
-    "executive/options/recipes.py": {"--output", "--scopes", "--no-scopes", "--dataflow", "--no-dataflow"},  # declared
+    "executive/options/declaring.py": {"--output"},  # declared
+    "executive/options/recipes.py": {"--scopes", "--no-scopes", "--dataflow", "--no-dataflow"},
     "executive/options/running.py": {"--output", "--out"},
     "planlang/outputs.py": {"--no-scopes", "--no-dataflow"},  # in the header of a plan, which is a file
     "planlang/ontology/reasoning.py": {"--all-unsat", "--inconsistent", "--ignore-imports"},  # options of Openllet

@@ -40,12 +40,9 @@ class Lowering(HandReaching):
 
     def _arms(self, action: Action) -> list[ArmModel]:
         """Find the arms that hold the object to put down; without ``object_acted_on`` all that hold something."""
-        scene, what = self.platform.scene, action.get("object_acted_on")
-        name = scene.bodies.bind(what) if isinstance(what, Object) else None
-        full = self.platform.arms.holding_for(action, scene.arms.all)
-        arms = [arm for arm in full if (held := scene.arms.held(arm.name)) is not None and name in (None, held.name)]
+        what, arms = action.get("object_acted_on"), self.platform.arms.with_stated(action)
         if not arms:
-            missing = "an object" if name is None else name
+            missing = self.platform.scene.bodies.bind(what) if isinstance(what, Object) else "an object"
             raise ActionUnresolvable(f"no hand holds {missing} to put down; grasp it first", designator=str(action))
         return arms
 

@@ -1,4 +1,4 @@
-"""Process module that puts a held object down nearby, to free the hand or to grasp the object differently."""
+"""Process modules that make room: they put a held object down nearby, or back the base off from its work."""
 
 from __future__ import annotations
 
@@ -10,23 +10,21 @@ from itertools import islice
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
-from executive.modules.arm.hand_work import HandWork
+from executive.modules.arm.hand_work import BACK, HandWork
 from executive.modules.runner import Skill
 from executive.robots import CARRYING
 from planlang.designators import Action, Object, a_location, a_posture, action, resting_on
 from planlang.failures import (
     ActionUnresolvable,
     DesignatorFailure,
-    GripperGoalNotReached,
     LocationUnresolvable,
     ManipulationFailure,
-    ManipulationGoalNotReached,
     NavigationFailure,
     PlanFailure,
 )
+from planlang.kernel import checkpoint
 from planlang.language.performing import perform
 from planlang.language.process_module import process_module
-from planlang.language.recovery import Recovery
 
 SUPPORTS = 4
 """Pieces of furniture to try, nearest first."""
@@ -34,8 +32,6 @@ PLACES = 2
 """Base poses to try at each."""
 TRIED = SUPPORTS * PLACES
 """Base poses to try in all."""
-AGAIN = Recovery((ManipulationGoalNotReached, GripperGoalNotReached), retries=3)
-"""Retry of motions that may succeed if repeated."""
 
 
 @process_module
@@ -110,12 +106,27 @@ class SettingAside(HandWork):
 
     async def _lower(self, what: Object, place: tuple[Object, BasePose]) -> Object:
         """Put an object down on furniture, and return that."""
-        await perform(action("LoweringAnObject", object_acted_on=what, to_location=place[0]), recoveries=[AGAIN])
+        await perform(action("LoweringAnObject", object_acted_on=what, to_location=place[0]))
         return place[0]
 
     async def _leave(self, what: Object) -> None:
         """Release the object and move the hand away as far as there is room."""
-        await perform(action("OpeningAGripper", object_acted_on=what), recoveries=[AGAIN])
+        await perform(action("OpeningAGripper", object_acted_on=what))
         with suppress(ManipulationFailure, DesignatorFailure):
-            await perform(action("Reaching", to_location=a_location(in_front_of=what)), recoveries=[AGAIN])
-            await perform(action("Reaching", to_location=a_posture(CARRYING)), recoveries=[AGAIN])
+            await perform(action("Reaching", to_location=a_location(in_front_of=what)))
+            await perform(action("Reaching", to_location=a_posture(CARRYING)))
+
+
+@process_module
+class SteppingBack(HandWork):
+    """Backs off to the nearest base pose with room for the arms, if there is one; a fixed base stays."""
+
+    name = "stepping_back"
+    actions = ("SteppingBack",)
+    failures = (NavigationFailure,)
+    needs = ("base",)
+
+    async def execute(self, action: Action) -> None:
+        """Back off with the base. Raises a NavigationFailure if something stops it."""
+        if not await self.back_off(self.platform.arms.untucked(), BACK):
+            await checkpoint()

@@ -271,7 +271,7 @@ class Containers(HandWork):
     name = "container"
     actions = ("OpeningAContainerArtifact", "ClosingAContainerArtifact")
     failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
-    # beside those of looking, which LookingFirst declares for all modules
+    # beside those of looking, which RobotModule declares for all modules
 
     async def execute(self, action: Action) -> str:
         """Open or close ``object_acted_on``; return the name of the door, drawer or lid.

@@ -2,22 +2,28 @@
 
 ``executive/maps/scene.py`` finds which of the two a device has, and where. A device shows by a lamp or display whether
 it is on: it is looked at before, because a push on its button would toggle one that is in the desired state already,
-and afterwards.
+and afterwards. A closed hand pushes a button along its normal, in one stroke.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 
 from executive.belief.planning_scene import PlanningScene
+from executive.locations import Rejections
+from executive.locations.changes import Changes
 from executive.modules.arm.hand_work import HandWork
-from executive.modules.furniture.buttons import ButtonStrokes, button_failure
 from executive.modules.furniture.containers import LeafWork, ways_tried
 from executive.modules.furniture.witnessing import is_witnessed
+from executive.modules.platform import Platform
 from executive.modules.runner import Skill
+from executive.modules.tools.motion_failures import too_far
+from executive.modules.tools.motion_grounding import Grounding
+from executive.modules.tools.strokes import Plane, StrokeWork
 from executive.robots.arms import ArmModel
 from planlang.designators import Action, Object
 from planlang.failures import (
@@ -26,6 +32,7 @@ from planlang.failures import (
     DeviceUnresponsive,
     EnvironmentManipulationFailure,
     HandleNotReachable,
+    LocationUnresolvable,
     ManipulationFailure,
     ManipulationPoseUnreachable,
     NavigationFailure,
@@ -33,11 +40,11 @@ from planlang.failures import (
     PlanFailure,
     StateUnknown,
 )
-from planlang.geometry import Pose
+from planlang.geometry import Array, Pose
 from planlang.kernel import compute_in_thread
 from planlang.language.process_module import process_module
-from planlang.motion_constraints import ConstraintsUnsatisfied
-from planlang.protocols import Touch
+from planlang.motion_constraints import ConstraintsUnsatisfied, MotionConstraint, a_constraint, a_feature
+from planlang.protocols import Motion, Touch
 from sim.joints import AT_BUTTON, HALFWAY, Control
 
 ABOUT = ("object_acted_on", "device_used")
@@ -46,6 +53,92 @@ TIMES = 2
 """Most pushes or turns: a device that did not respond to these is broken."""
 THIN = 0.005
 """Distance along the normal within which a touch counts as one of the button's surface [m]."""
+BEFORE, BEYOND = 0.1, -0.02
+"""Heights of the tip over a button at the start and end of a push [m]; the button stops it before the end."""
+STEP = 0.025
+"""Spacing of waypoints [m]."""
+EXACT = 0.003
+"""Tolerance of heights [m]."""
+LEANS = -0.7
+"""Cosine between the hand's approach and the button's normal at the largest lean, 45 degrees."""
+
+UPRIGHT = 0.7
+"""Vertical component of a button's normal above which it is on top of its device, so that turning would not help."""
+Reaches = Callable[[PlanningScene], bool]
+"""Predicate: can a hand reach the button in a scene that is supposed?"""
+
+
+class ButtonStrokes(StrokeWork):
+    """Pushes one button with one hand; the tip stays on the line through the button along its normal."""
+
+    def __init__(self, platform: Platform, arm: ArmModel, button: Control) -> None:
+        super().__init__(platform)
+        self._arm, self._button = arm, button
+
+    async def pushed(self) -> Motion:
+        """Push, retreat, and return how the push ended. Raises a ManipulationFailure or NavigationFailure."""
+        grounding = self._grounding()
+        await self._look(grounding)
+        plane = Plane(grounding.grounded().constraints[0])
+        lap = await self.stroke(grounding, plane, self._points(), closed=False)
+        motion = await self.platform.follow(self._arm.name, lap)
+        await self.leave(self._arm, lap, self._button.body)
+        return motion
+
+    def reach(self) -> bool:
+        """Check whether the hand reaches the button from any base pose."""
+        grounding = self._grounding()
+        plane = Plane(grounding.grounded().constraints[0])
+        return next(self._reaching(grounding, plane, self._points()), None) is not None
+
+    def _grounding(self) -> Grounding:
+        return Grounding(self.platform, self._constraints(), touches={self._button.body, self._button.device})
+
+    def _points(self) -> Array:
+        """Sample the stroke (n, 4): the button's point in its body's frame, with heights over it."""
+        heights = np.linspace(BEFORE, BEYOND, 1 + math.ceil((BEFORE - BEYOND) / STEP))
+        return np.column_stack([np.repeat(np.array([self._button.point]), len(heights), axis=0), heights])
+
+    def _constraints(self) -> tuple[MotionConstraint, ...]:
+        """Build the constraints: the tip is over the button, and the hand leans little from its normal."""
+        x, y, z = map(float, self._arm.frame.approach)
+        hand = self._arm.part.hand
+        tip = a_feature("LINE", of=hand, position=(0.0, 0.0, 0.0), direction=(x, y, z))
+        of = self.platform.scene.bodies.designator(self._button.body)
+        button = a_feature("PLANE", of=of, position=self._button.point, direction=self._button.normal)
+        return (
+            a_constraint("HEIGHT", tip, button, lower=-EXACT, upper=EXACT, name="tip at the button"),
+            a_constraint("PERPENDICULARITY", tip, button, lower=-1.2, upper=LEANS, name="hand along the normal"),
+        )
+
+
+def _button_failure(
+    button: Control, arms: Sequence[ArmModel], platform: Platform, reaches: Reaches
+) -> LocationUnresolvable:
+    """Build the failure for a button that none of ``arms`` can push, with a change of the map that would help."""
+    figures = "; ".join(filter(None, (_too_far(button, arms, platform), _otherwise(button, platform.scene, reaches))))
+    return LocationUnresolvable(designator=f"the base with a hand at {button.body}", figures=figures)
+
+
+def _too_far(button: Control, arms: Sequence[ArmModel], platform: Platform) -> str:
+    """Describe how near a shoulder gets to a button, if that is beyond every arm's reach; otherwise ""."""
+    pose = platform.scene.bodies.pose(button.body) @ Pose(button.point)
+    poses, there = platform.standing(), np.array([pose.position[:2]])
+    away = {arm.name: poses.distances([there], [arm])[0] for arm in arms}
+    arm = min(arms, key=lambda one: away[one.name] - one.reach, default=None)
+    return "" if arm is None else too_far(arm, button.body, away[arm.name])
+
+
+def _otherwise(button: Control, scene: PlanningScene, reaches: Reaches) -> str:
+    """Describe a change that would help: the device nearer to the edge that its button faces, or turned; else ""."""
+    bodies, device = scene.bodies, button.device
+    normal = bodies.pose(button.body).rotation @ np.array(button.normal)
+    support = bodies.support(device)
+    if abs(float(normal[2])) > UPRIGHT or support is None or bodies.is_room(support):
+        return ""
+
+    changes = Changes(device, scene, Rejections(), reaches, parts=(button.body,))
+    return changes.nearer(normal[:2] / np.linalg.norm(normal[:2])) or changes.turned()
 
 
 @process_module
@@ -55,7 +148,7 @@ class Devices(HandWork):
     name = "device"
     actions = ("TurningOnPoweredDevice", "TurningOffPoweredDevice", "PreheatOven", "OperateOven")
     failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
-    # beside those of looking, which LookingFirst declares for all modules
+    # beside those of looking, which RobotModule declares for all modules
 
     async def execute(self, action: Action) -> str:
         """Turn the device on or off; return its name. Raises failures of the classes in ``failures``."""
@@ -140,7 +233,7 @@ class Devices(HandWork):
             def reaches(scene: PlanningScene) -> bool:
                 return any(one.supposing(scene).reach() for one in strokes)
 
-            failure.__cause__ = await compute_in_thread(partial(button_failure, button, arms, self.platform, reaches))
+            failure.__cause__ = await compute_in_thread(partial(_button_failure, button, arms, self.platform, reaches))
         return failure
 
     def _is_at(self, button: Control, touch: Touch) -> bool:

@@ -6,7 +6,6 @@ All modules that open, close, push or switch furniture call :func:`is_witnessed`
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import suppress
 from functools import partial
 
 import numpy as np
@@ -15,7 +14,6 @@ from executive.belief.scene_collisions import BasePose
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.platform import Platform
 from planlang.designators import a_location
-from planlang.failures import LookingGoalUnreachable
 from planlang.geometry import Array
 
 
@@ -46,13 +44,7 @@ async def is_witnessed(work: HandWork, name: str) -> bool:
 
 async def _looked(platform: Platform, name: str) -> bool:
     """Look at a leaf or device from here, wherever the leaf may be; return whether it was seen."""
-    for point in _gazes(platform, name):
-        with suppress(LookingGoalUnreachable):
-            await platform.sensing.look_at(point, name)
-            platform.sensing.see()
-            if platform.belief.witnessed(name):
-                return True
-    return False
+    return await platform.sensing.shows(_gazes(platform, name), name, partial(platform.belief.witnessed, name))
 
 
 def _gazes(platform: Platform, name: str) -> Iterator[Array]:

@@ -12,6 +12,7 @@ from dataclasses import field
 from graphlib import TopologicalSorter
 from itertools import pairwise
 
+from planlang.closure import grouped
 from planlang.records import dataclass
 
 SWEEPS = 12
@@ -229,9 +230,7 @@ def _routes(
 
 def _ports(items: list[_Item], chains: list[list[int]], here: int, beside: int) -> dict[int, float]:
     """Positions of the ends ``here`` (indices in their chains) of edges: side by side, sorted by what is ``beside``."""
-    at: dict[int, list[int]] = {}
-    for number, chain in enumerate(chains):
-        at.setdefault(chain[here], []).append(number)
+    at = grouped((chain[here], number) for number, chain in enumerate(chains))
     ports: dict[int, float] = {}
     for index, numbers in at.items():
         numbers.sort(key=lambda number: items[chains[number][beside]].x)

@@ -9,6 +9,7 @@ from enum import Enum
 from itertools import count
 from textwrap import wrap
 
+from planlang.closure import grouped
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.recipe.model import (
@@ -25,7 +26,6 @@ from planlang.recipe.model import (
     StateMachine,
     Step,
     Thing,
-    Transition,
 )
 from planlang.recipe.order import recipe_order
 from planlang.records import dataclass
@@ -194,9 +194,7 @@ class _Builder:
 
     def _arrows(self, recipe: Recipe, keys: Mapping[str, str]) -> Iterator[Arrow]:
         """Yield the orders of the transitive reduction, both stated and added ones."""
-        stated: dict[tuple[str, str], list[Ordering]] = {}
-        for ordering in recipe.orderings:
-            stated.setdefault((ordering.before, ordering.after), []).append(ordering)
+        stated = grouped(((ordering.before, ordering.after), ordering) for ordering in recipe.orderings)
         for before, after in recipe_order(recipe).reduction():
             yield _arrow(keys, before, after, Order.STATED, _why(stated[before, after]))
         for before, after in self._added.get(recipe.iri, ()):
@@ -213,10 +211,8 @@ def _role(machine: StateMachine, step: Step) -> str:
 def _transitions(recipe: Recipe, keys: Mapping[str, str]) -> Iterator[Arrow]:
     """Yield one arrow for each pair of states, with all outcomes of the transitions between them."""
     assert recipe.machine is not None
-    between: dict[tuple[str, str], list[Transition]] = {}
-    for transition in recipe.machine.transitions:
-        if transition.source in keys and transition.target in keys:
-            between.setdefault((transition.source, transition.target), []).append(transition)
+    known = (one for one in recipe.machine.transitions if one.source in keys and one.target in keys)
+    between = grouped(((one.source, one.target), one) for one in known)
     for (source, target), transitions in between.items():
         outcomes = dict.fromkeys(local_name(one.outcome) if one.outcome else one.ending.value for one in transitions)
         places = dict.fromkeys(where for one in transitions for where in _where(one.span))

@@ -12,6 +12,7 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
+from planlang.closure import grouped
 from planlang.designators import local_name, local_part, told_apart
 from planlang.diagnostics import Diagnostic, Order, Span, error, note, warning
 from planlang.kept import kept
@@ -333,9 +334,7 @@ def plausible_orders(
     users: dict[frozenset[str], int] = {}
     for iri in active:  # steps with equal roles are tested together, as bits
         users[facts[iri].roles] = users.get(facts[iri].roles, 0) | order.bit(iri)
-    follows: dict[str, list[str]] = {}
-    for before, after in order.reduction():
-        follows.setdefault(before, []).append(after)
+    follows = grouped(order.reduction())
     suggested: dict[tuple[str, str], str] = {}
     for first in active:
         reasonable = sum(bits for roles, bits in users.items() if _may(facts[first].roles, roles, whole))

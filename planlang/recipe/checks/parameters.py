@@ -21,7 +21,7 @@ from planlang.ontology.terms import OWL, RDF, RDFS, XSD, is_vocabulary
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
 from planlang.recipe.checks.expressions import unread_expressions, unread_filling
-from planlang.recipe.checks.slots import wrong_kinds
+from planlang.recipe.checks.fillers import wrong_kinds
 from planlang.recipe.fillers import (
     NUMERIC,
     OBJECT_PROPERTY,

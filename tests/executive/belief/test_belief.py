@@ -14,7 +14,7 @@ from executive.belief.knowledge import Source
 from executive.belief.map_writing import map_text
 from executive.belief.obstacles import MOST, NAMES, with_store
 from executive.maps import SemanticMap, read_map, scene_of
-from executive.maps.semantic_map import MapObject
+from executive.maps.classes import MapObject
 from executive.robots import Robot, bind_robot
 from planlang.designators import Object, an_object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable

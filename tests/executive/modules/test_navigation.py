@@ -13,7 +13,7 @@ import pytest
 from executive.belief.obstacles import NAMES
 from executive.modules.drive import ROOMY
 from executive.motion import clearance_at
-from executive.robots.handle import RobotModel
+from executive.robots.arms import RobotModel
 from planlang import Recovery, look_from_another_place, perform, with_failure_handling
 from planlang.designators import Action, Location, Object, a_location, action, an_object
 from planlang.failures import (

@@ -6,14 +6,13 @@ import inspect
 import sys
 from collections.abc import Callable, Iterator
 from typing import Any
-from unittest.mock import Mock
+from unittest.mock import MagicMock, Mock
 
 import pytest
 
 import executive.runs.assembly  # noqa: F401 - imports every wrapper
-from executive.modules.effects import ActionEffects, ModuleWithEffects
-from executive.modules.looking_first import LookingFirst
-from executive.modules.noting_hands import NotingHands
+from executive.modules.around_actions import RobotModule
+from executive.modules.effects import ActionEffects
 from planlang import VirtualHost, action, run
 from planlang.designators import Action
 from planlang.failures import GraspMissed
@@ -57,26 +56,19 @@ def on_demand(module: Unusual) -> WrappedModule:
     return _Demanded(stated, None)
 
 
-def with_effects(module: Unusual) -> WrappedModule:
-    effects = Mock(ActionEffects)
+def of_robot(module: Unusual) -> WrappedModule:
+    effects, platform = Mock(ActionEffects), MagicMock()
     effects.due.return_value = effects.lying.return_value = None
-    return ModuleWithEffects(module, effects)
-
-
-def looking_first(module: Unusual) -> WrappedModule:
-    platform = Mock()
     platform.belief.memory.unknown = ()
-    return LookingFirst(module, platform, frozenset())
+    return RobotModule(module, platform, effects, frozenset())
 
 
 MADE: dict[type[WrappedModule], Callable[[Unusual], WrappedModule]] = {
     WrappedModule: WrappedModule,
     ModuleOnce: ModuleOnce,
     RecordedModule: lambda module: RecordedModule(module, Answers()),  # type: ignore[arg-type]
-    ModuleWithEffects: with_effects,
+    RobotModule: of_robot,
     _Demanded: on_demand,
-    LookingFirst: looking_first,
-    NotingHands: lambda module: NotingHands(module, Mock()),
 }
 
 
@@ -122,6 +114,6 @@ def test_what_a_module_leaves_out_is_as_its_protocol_says_behind_every_wrapper()
     class Plain:
         name, actions, failures = "plain", ("Icing",), ()
 
-    for make in (MADE[WrappedModule], MADE[RecordedModule], MADE[ModuleWithEffects]):
+    for make in (MADE[WrappedModule], MADE[RecordedModule], MADE[RobotModule]):
         wrapped = make(Plain())  # type: ignore[arg-type]
         assert (wrapped.once, wrapped.performs(action("Icing"))) == (False, True)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from executive.options.values import is_view
+from executive.options.declaring import is_view
 from executive.pictures.rendering import View
 from executive.pictures.scene_picture import picture, save_picture
 from executive.pictures.stage import Stage

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from executive.robots import bind_draft
-from executive.robots.anatomy import Anatomy, Limb, camera, lift
+from executive.robots.anatomy import Anatomy, Limb, camera
 from executive.robots.draft import Draft, draft_of
 from executive.robots.mechanism import Mechanism, grounded
 from planlang.diagnostics import has_errors
@@ -381,7 +381,7 @@ def test_a_robot_built_of_parts_has_exactly_these_parts(
     own = {name: _own(limb, name) for name in arms for limb in anatomy.arms if limb.hand == arms[name][1]}
     assert own == {name: joints for name, (joints, _) in arms.items()}
     assert len(anatomy.arms) == len(arms)
-    raised = lift(mechanism, [limb.hand for limb in anatomy.arms])
+    raised = mechanism.lift([limb.hand for limb in anatomy.arms])
     assert (raised and raised.name) == ("torso_0_joint" if torso.startswith("l") else None)
     moving = [joint.name for limb in anatomy.arms for joint in limb.joints if joint is not raised]
     seen = camera(mechanism, [name for name in moving if not name.startswith("torso")])

@@ -11,7 +11,8 @@ from fastapi.testclient import TestClient
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.maps.semantic_map import MapObject, SemanticMap, read_map
+from executive.maps.classes import MapObject
+from executive.maps.semantic_map import SemanticMap, read_map
 from executive.serving.floor_plan import HEIGHT, MARGIN, WIDTH, floor_plan, read_plan
 from executive.serving.workers import Busy, Failed, Workers
 from planlang.files import Bundled

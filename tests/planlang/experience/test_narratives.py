@@ -23,8 +23,8 @@ from rdf_graphs import graph_of, read_by_rdflib
 from planlang import Recovery, TaskTree, Trace, action, an_object, failures, perform, with_failure_handling
 from planlang.diagnostics import BadInput, Span
 from planlang.experience import Experience, State, Thing, experience_in, experience_of, narrative, read_narrative
+from planlang.experience.narrative import DUL, EXPERIENCE, SOMA
 from planlang.experience.poses import transforms_in
-from planlang.experience.terms import DUL, EXPERIENCE, SOMA
 from planlang.failures import GraspMissed, ObjectUnfetchable, PlanFailure
 from planlang.files import bundled
 from planlang.geometry import Pose

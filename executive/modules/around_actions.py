@@ -1,0 +1,110 @@
+"""What happens around each action that a process module performs, whichever module it is.
+
+Before, objects at unknown places are searched for, if the action uses the base; afterwards the effects that its class
+declares are applied. Hands that fail are noted, so that another one is used in the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+from executive.modules.effects import ActionEffects
+from executive.modules.platform import Platform
+from executive.modules.tools.turning_over import check_turned
+from planlang.changes import TurnedOver
+from planlang.designators import Action, Location, Object, action, local_name
+from planlang.failures import (
+    GripperGoalNotReached,
+    LookingFailure,
+    ObjectNotTurned,
+    ObjectNowhereToBeFound,
+    PerceptionFailure,
+)
+from planlang.kernel import PlanStructureError, sleep
+from planlang.language.performing import perform
+from planlang.language.process_module import LEFT_TO_MOTIONS, ModuleOnce, ProcessModule, stated_as_before
+
+
+class RobotModule(ModuleOnce):
+    """Process module of a robot, as plans use it."""
+
+    def __init__(
+        self, module: ProcessModule, platform: Platform, effects: ActionEffects, finding: frozenset[str]
+    ) -> None:
+        """Wrap ``module``. ``finding``: action classes that search for objects themselves."""
+        super().__init__(module)
+        self._platform, self._effects, self._finding = platform, effects, finding
+        self._by_motions = [kind for name in stated_as_before(module) for kind in LEFT_TO_MOTIONS[name]]
+
+    @property
+    def failures(self) -> Sequence[type[Exception]]:
+        """Failure classes that it may raise, including those of a search, and of an object that did not turn over."""
+        return (*super().failures, PerceptionFailure, LookingFailure, ObjectNowhereToBeFound, ObjectNotTurned)
+
+    async def execute(self, action: Action) -> Any:
+        """Search for unknown objects, perform the action, then apply its effects.
+
+        Raises ObjectNowhereToBeFound if a search fails, PlanStructureError if the module has changed the world by
+        itself, and ObjectNotTurned if the action's class turns objects over and none has turned.
+        """
+        effects = self._effects
+        effects.catch_up()
+        if (due := effects.due(action)) is not None:
+            await sleep(due)
+        before, lay = frozenset(self._platform.scene.world.names()), effects.lying(action) or {}
+        begun = effects.begins(self._by_motions)
+        for what in self._unknown(action):
+            await perform(looking_for(what))
+        try:
+            result = await super().execute(action)
+        except GripperGoalNotReached as failure:  # a missed grasp tells more about the object than about the hand
+            if failure.arm is not None:
+                self._platform.belief.hand_failed(failure.arm)
+            raise
+        effects.learn(before)
+        effects.catch_up()
+        if not effects.untouched():
+            raise PlanStructureError(
+                f"process module {self.name} has changed the world itself, which only declared effects may do: state "
+                "an ObjectChange for the class of its actions (docs/guides/modules.md)"
+            )
+        there = effects.lying(action)
+        effects.apply(action, begun)
+        effects.restored()
+        if there == {}:
+            raise ObjectNotTurned(f"there is nothing that {local_name(action.type)} could turn over")
+        if there and any(isinstance(change, TurnedOver) for change in begun.done_by_motions):
+            for name, pose in (there | lay).items():
+                await check_turned(self._platform, name, pose)
+        return result
+
+    def _unknown(self, action: Action) -> Iterator[Object]:
+        """Yield the objects of an action whose place is unknown, for an action that uses the base.
+
+        Others are performed where the plan has put the robot; there the plan's recoveries search.
+        """
+        platform = self._platform
+        if not platform.belief.memory.unknown or "base" not in self.resources(action):
+            return
+        if not self._finding.isdisjoint(platform.ancestors(action.type)):
+            return
+        bodies = platform.scene.bodies
+        for what in dict.fromkeys(_things(value for _, value in action.properties)):
+            if bodies.means_unknown(what) and bodies.known(what) is None:
+                yield what
+
+
+def looking_for(what: Object) -> Action:
+    """Build the action that searches for an object."""
+    return action("LookingForSomething", object_acted_on=what)
+
+
+def _things(values: Iterable[object]) -> Iterator[Object]:
+    for value in values:
+        if isinstance(value, Object):
+            yield value
+        elif isinstance(value, Location):
+            yield from value.things()
+        elif isinstance(value, tuple):
+            yield from _things(value)
