@@ -35,7 +35,11 @@ DRAWER = 2
 @pytest.fixture
 def stage(make_stage: MakeStage) -> Stage:
     """Amigo with a tray between its hands, before a table."""
-    stage = make_stage(TABLE, TRAY)
+    return with_tray(make_stage(TABLE, TRAY))
+
+
+def with_tray(stage: Stage) -> Stage:
+    """Put the tray of a stage between the robot's hands."""
     tips = {arm.name: stage.platform.robot.arm(arm.name).tip for arm in stage.platform.scene.arms.all}
     x, y, z = np.mean([stage.truth.link_pose(tip).position for tip in tips.values()], axis=0).tolist()
     stage.truth.set_pose("tray", Pose((x, y, z)))
@@ -135,3 +139,14 @@ def test_a_hand_that_holds_nothing_is_told_so_when_it_is_to_put_something_down(w
     said = "the right arm holds bottle, and the left arm, which is to put it down, holds nothing"
     with pytest.raises(LocationUnresolvable, match=said):
         next(ward.resolver.bases(put))
+
+
+def test_what_two_hands_hold_and_no_furniture_is_near_for_is_told_to_be_put_down_before(make_stage: MakeStage) -> None:
+    stage = with_tray(make_stage(TRAY))
+
+    async def aside() -> None:
+        await perform(action("SettingAsideAnObject", object_acted_on=an_object("Tray", PLACE + "tray")))
+
+    with pytest.raises(LocationUnresolvable, match="room for tray, which two hands hold: put it down at a place"):
+        stage.run(aside)
+    assert len(stage.truth.holders("tray")) == 2

@@ -130,14 +130,6 @@ def test_what_two_hands_hold_is_set_aside_by_both(stage_of: MakeStage) -> None:
     assert not stage.belief.held
 
 
-def test_what_two_hands_hold_and_nothing_near_has_room_for_says_what_to_do(stage_of: MakeStage) -> None:
-    stage = stage_of(replace(TABLE, type="Box", movable=True), TRAYS["wide"])
-    taken(stage)
-    with pytest.raises(LocationUnresolvable, match="room for tray, which two hands hold: put it down at a place"):
-        set_aside(stage)
-    assert held_by(stage.truth, "tray") == "robot"
-
-
 def test_one_hand_alone_is_not_sent_to_what_takes_two(stage_of: MakeStage) -> None:
     stage = stage_of(TABLE, TRAY)
     with pytest.raises(HandsLacking, match="tray takes 2 hands, and was asked of one alone"):
