@@ -8,11 +8,9 @@ of a short run. Here the methods are closures, except for ``__init__``, which is
 from __future__ import annotations
 
 import dataclasses
-import inspect
 import reprlib
 from collections.abc import Callable, Sequence
 from dataclasses import MISSING, Field, FrozenInstanceError
-from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -59,25 +57,14 @@ class _FromFactory:
 
 
 class _FirstInit:
-    """Placeholder for a constructor until the first instance, or the first look at its signature."""
+    """Placeholder for a constructor, which the first look at it replaces: for an instance, or a signature."""
 
     def __init__(self, made: Any, frozen: bool) -> None:
         self._made, self._frozen = made, frozen
 
-    def __get__(self, instance: object, owner: type | None = None) -> Callable[..., None]:
-        return self if instance is None else partial(self, instance)
-
-    def __call__(self, instance: object, /, *values: object, **named: object) -> None:
-        self._compile()(instance, *values, **named)
-
-    @property
-    def __signature__(self) -> inspect.Signature:
-        return inspect.signature(self._compile())
-
-    def _compile(self) -> Any:
-        """Replace this placeholder in the class by the real constructor."""
+    def __get__(self, instance: object, owner: type | None = None) -> Any:
         init = self._made.__init__ = _compiled_init(self._made, self._frozen)
-        return init
+        return init.__get__(instance, owner)
 
 
 def _compiled_init(made: Any, frozen: bool) -> Any:

@@ -12,7 +12,7 @@ import hashlib
 import importlib
 import importlib.util
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from enum import IntEnum
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
@@ -55,33 +55,15 @@ class _Demanded(WrappedModule):
 
     def __init__(self, what: OnDemand, platform: Any) -> None:
         self._what, self._platform = what, platform
+        self.name, self.actions, self.failures = what.name, what.actions, what.failures
+        self.selects = what.performs is not None
 
     @cached_property
-    def _imported(self) -> ProcessModule:
+    def wrapped(self) -> ProcessModule:  # type: ignore[override]  # made when it is first asked for
         module, _, name = self._what.place.partition(":")
         home = importlib.import_module(module)  # a plan performs few of the actions that there are modules for
         made: ProcessModule = getattr(home, name)(self._platform)
         return made
-
-    @property
-    def wrapped(self) -> ProcessModule:
-        return self._imported
-
-    @property
-    def name(self) -> str:
-        return self._what.name
-
-    @property
-    def actions(self) -> Sequence[str]:
-        return self._what.actions
-
-    @property
-    def failures(self) -> Sequence[type[Exception]]:
-        return self._what.failures
-
-    @property
-    def selects(self) -> bool:
-        return self._what.performs is not None
 
     def performs(self, action: Action) -> bool:
         return self._what.performs is None or self._what.performs(self._platform, action)

@@ -5,7 +5,7 @@
 brings to the state that is asked about. Both worlds extend ``kinematic.py``; ``scene.py`` describes their contents,
 ``displacing.py`` lets the true ones differ from a map. ``bodies.py``, ``description.py`` and ``robot.py`` own the
 objects in the physics client, ``contact.py`` and ``camera.py`` answer queries, ``falling.py`` and ``people.py`` move
-things. What actions, flow and heat change is computed in :mod:`planlang.state`, from what ``changes.py`` tells of a
+things. What actions, flow and heat change is computed in :mod:`planlang.state`, from what ``mirror.py`` answers for a
 state. Only ``engine.py`` imports PyBullet.
 """
 

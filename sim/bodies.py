@@ -106,12 +106,10 @@ class Bodies:
         self._making: int | None = None
         """Number of bodies in the client before the piece that is being made."""
         self._add(self.bodies.values(), parts)
-        self.first = len(self.pieces)
-        """Number of pieces in the initial scene."""
         rooms = [body.name for body in self.bodies.values() if body.shape is BodyShape.ROOM]
         middles = np.array([self.poses[piece.body].position for piece in self.pieces]).reshape(-1, 3)
         reaches = np.linalg.norm(np.maximum(self.upper - middles, middles - self.lower), axis=1)
-        inner = np.ones(self.first, bool)
+        inner = np.ones(len(self.pieces), bool)
         inner[[index for name in rooms for index in self.of[name]]] = False
         self.reach = float(reaches[inner].max(initial=_ARM))
         """Distance from the middle of any body but rooms within which all of it is [m]."""
@@ -125,11 +123,6 @@ class Bodies:
         self.bodies[body.name], self.poses[body.name], self.of[body.name] = body, body.pose, []
         self._add([body], {})
         self.moves += 1
-
-    @property
-    def created(self) -> tuple[str, ...]:
-        """Names of the bodies that were not in the initial scene, in the order of their creation."""
-        return tuple(dict.fromkeys(piece.body for piece in self.pieces[self.first :]))
 
     def lets_touch(self, one: str, other: str) -> bool:
         """Check whether one of two bodies has a blade that goes under the other."""

@@ -6,7 +6,7 @@ import contextlib
 import math
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,11 +69,8 @@ class Camera:
         """
         eye, forward, up = _axes(model, pose)
         eye = eye + _AHEAD * forward
-        view = bullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist())
         tall = math.tan(model.fov / 2) * model.height / model.width
-        self._fill(model, pose, model.far)
-        picture = raster(self.client, model.width, model.height, view, 2 * math.atan(tall))
-        depth, mask = picture.depth.reshape(-1), picture.mask.reshape(-1)
+        depth, mask = (layer.reshape(-1) for layer in self._picture(model, pose, model.far))
         along = _FAR * _CLIP / (_FAR - (_FAR - _CLIP) * depth)
         across = (np.arange(model.width) + 0.5) / model.width * 2 - 1
         down = 1 - (np.arange(model.height) + 0.5) / model.height * 2
@@ -88,18 +85,37 @@ class Camera:
 
     def _segments(self, model: CameraModel, pose: Pose) -> dict[str, int]:
         """Count the pixels of each body."""
-        eye, forward, up = _axes(model, pose)
-        eye = eye + _AHEAD * forward
-        view = bullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist())
-        vertical = 2 * math.atan(math.tan(model.fov / 2) * model.height / model.width)
-        self._fill(model, pose, model.far + self.bodies.reach)
-        mask = raster(self.client, model.width, model.height, view, vertical).mask
+        _, mask = self._picture(model, pose, model.far + self.bodies.reach)
         counts: dict[str, int] = {}
         for uid, count in zip(*np.unique(mask, return_counts=True), strict=True):
             name = self.bodies.name_of(int(uid))
             if name is not None:
                 counts[name] = counts.get(name, 0) + int(count)
         return counts
+
+    def _picture(self, model: CameraModel, pose: Pose, far: float) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+        """Render what is up to a distance [m]: depth buffer (0..1), and id of the body in each pixel (height, width).
+
+        The software renderer gives the same on every machine.
+        """
+        eye, forward, up = _axes(model, pose)
+        eye = eye + _AHEAD * forward
+        shape = model.height, model.width
+        vertical = 2 * math.atan(math.tan(model.fov / 2) * model.height / model.width)
+        view = bullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist())
+        lens = bullet.computeProjectionMatrixFOV(math.degrees(vertical), model.width / model.height, _CLIP, _FAR)
+        self._fill(model, pose, far)
+        _, _, _, depth, mask = bullet.getCameraImage(
+            model.width,
+            model.height,
+            view,
+            lens,
+            shadow=0,
+            renderer=bullet.ER_TINY_RENDERER,
+            physicsClientId=self.client,
+        )
+        # PyBullet built without NumPy returns flat tuples.
+        return np.asarray(depth, np.float32).reshape(shape), np.asarray(mask, np.int32).reshape(shape)
 
     def _fill(self, model: CameraModel, pose: Pose, far: float) -> None:
         """Make what the camera may see up to a distance [m], and what may hide it, in the client."""
@@ -177,38 +193,6 @@ class Camera:
         if not points:
             return np.zeros((0, 3)), np.zeros(0)
         return np.vstack(points), np.concatenate(weights)
-
-
-class Raster(NamedTuple):
-    """Rendered picture (height, width): depth buffer (0..1), and id of the body in each pixel."""
-
-    depth: NDArray[np.float32]
-    mask: NDArray[np.int32]
-
-
-def raster(
-    client: int,
-    width: int,
-    height: int,
-    view: Any,
-    vertical: float,
-) -> Raster:
-    """Render a picture with a vertical opening angle [rad]; the software renderer gives the same on every machine."""
-    lens = bullet.computeProjectionMatrixFOV(math.degrees(vertical), width / height, _CLIP, _FAR)
-    _, _, _, depth, mask = bullet.getCameraImage(
-        width,
-        height,
-        view,
-        lens,
-        shadow=0,
-        renderer=bullet.ER_TINY_RENDERER,
-        physicsClientId=client,
-    )
-    # PyBullet built without NumPy returns flat tuples.
-    return Raster(
-        np.asarray(depth, np.float32).reshape(height, width),
-        np.asarray(mask, np.int32).reshape(height, width),
-    )
 
 
 def _axes(model: CameraModel, pose: Pose) -> tuple[Array, Array, Array]:
@@ -309,9 +293,9 @@ class Rays:
         return np.array([hit[0] < 0 for hit in self._hits(starts, ends, _NOT_ROBOT)], bool)
 
     @contextlib.contextmanager
-    def without(self, name: str) -> Iterator[None]:
-        """Cast rays as if a body were absent."""
-        pieces = self.bodies.of[name]
+    def without(self, *names: str) -> Iterator[None]:
+        """Cast rays as if some bodies were absent."""
+        pieces = [index for name in names for index in self.bodies.of[name]]
         self.bodies.hide(pieces)
         try:
             yield

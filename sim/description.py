@@ -22,9 +22,9 @@ import numpy as np
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.geometry import Array
-from planlang.geometry.matrices import angles_of, product, rigid, rotation_of
+from planlang.geometry.matrices import angles_of, product
 from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
-from planlang.geometry.urdf import Element, Joint, Urdf, read_urdf
+from planlang.geometry.urdf import Element, Joint, Urdf, origin_of, read_urdf
 from planlang.geometry.urdf_schema import extents_of, numbers
 from planlang.package_paths import case_differs, file_places
 from planlang.records import dataclass
@@ -133,14 +133,12 @@ def _carrier(name: str, carried: Mapping[str, tuple[str, Array]]) -> tuple[str, 
 
 def _move(element: Element, by: Array) -> None:
     """Give the pose of an element in a carried link as one in the link that carries it."""
-    origin = element.find("origin")
-    xyz, rpy = (numbers("0 0 0" if origin is None else origin.get(name, "0 0 0")) for name in ("xyz", "rpy"))
-    pose = product(by, rigid(rotation_of(*rpy), np.array(xyz)))
+    origin, pose = element.find("origin"), product(by, origin_of(element))
     if origin is None:
         origin = Element("origin")
         element.insert(0, origin)
-    for name, values in (("xyz", pose[:3, 3].tolist()), ("rpy", angles_of(pose[:3, :3]))):
-        origin.set(name, " ".join(repr(round(float(value), 12)) for value in values))
+    for name, values in (("xyz", pose[:3, 3]), ("rpy", angles_of(pose[:3, :3]))):
+        origin.set(name, _text(values))
 
 
 MOST_JOINTS = 127
@@ -327,11 +325,10 @@ def _box_of(link: ElementTree.Element) -> list[ElementTree.Element]:
     if box is None:
         return []
     extents, axes = box
-    origin = inertial.find("origin")
-    xyz, rpy = ("0 0 0" if origin is None else origin.get(name, "0 0 0") for name in ("xyz", "rpy"))
-    position, turned = numbers(xyz), rotation_of(*numbers(rpy))
+    pose = origin_of(inertial)
+    turned = angles_of(product(pose[:3, :3], axes))
     collision = ElementTree.Element("collision")
-    ElementTree.SubElement(collision, "origin", xyz=_text(position), rpy=_text(angles_of(product(turned, axes))))
+    ElementTree.SubElement(collision, "origin", xyz=_text(pose[:3, 3]), rpy=_text(turned))
     ElementTree.SubElement(ElementTree.SubElement(collision, "geometry"), "box", size=_text(extents))
     return [collision]
 

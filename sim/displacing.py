@@ -18,7 +18,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import footprint, half_extents, inside
 from sim.joints import HALFWAY, Articulation, JointKind
-from sim.leaves import inside as inside_box
+from sim.leaves import contents
 from sim.movers import Mover
 from sim.scene import Body, BodyShape, Scene
 
@@ -104,9 +104,9 @@ class _Room:
 
     def _inside(self, joint: Articulation) -> tuple[str, ...]:
         leaf = self.bodies[joint.leaf]
-        movable = [body for body in self.scene.bodies if body.movable]
-        points = np.array([body.pose.position for body in movable]).reshape(-1, 3)
-        return tuple(movable[k].name for k in np.flatnonzero(inside_box(leaf.pose, leaf.size, points)).tolist())
+        return tuple(
+            contents(leaf.pose, leaf.size, {body.name: body.pose for body in self.scene.bodies if body.movable})
+        )
 
     def _random(self, name: str) -> np.random.Generator:
         """Make the random numbers of one thing: the same ones whatever else there is."""

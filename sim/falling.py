@@ -1,10 +1,9 @@
-"""Released bodies: they fall straight down onto the first surface that bears their centre of mass."""
+"""What is below bodies; released ones fall straight onto the first surface that bears their centre of mass."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -18,6 +17,10 @@ from sim.scene import BodyShape
 GRAVITY = 9.81
 """[m/s^2]"""
 
+REST = 0.005
+"""Gap below which a body lies on what is below it [m]."""
+_INTO = 0.002
+"""Height above a body's lowest point from which to look for what it lies on [m]: it may sink in a little."""
 _LEVEL = 0.01
 """Height difference within which points bear a body together [m]."""
 _STEP = 0.01
@@ -31,7 +34,7 @@ _SAME = 0.001
 _SKIN = 0.001
 """Depth below the top of a body at which rays start at the latest [m]."""
 _DEPTH = 100.0
-"""Length of the rays that look for a surface [m]: to below every floor."""
+"""Length of the rays that look for a surface [m]: to below every floor, however far poured substance falls."""
 Cast = Callable[[Array, Array], tuple[Sequence[str | None], Array]]
 """Starts (n, 3), ends (n, 3) -> names hit (or None) and heights z (n,) of the hits."""
 
@@ -47,12 +50,25 @@ class Falling:
     def rest(self, name: str) -> tuple[Pose, str | None]:
         """Find the pose where a body would come to rest if released here, and on what (None: nothing is below)."""
         body = self.bodies.bodies[name]
-        with ExitStack() as stack:
-            for one in (name, *self._inside(name)):
-                stack.enter_context(self.rays.without(one))
+        with self.rays.without(name, *self._inside(name)):
             return resting(
                 self.bodies.poses[name], body.size, self.rays.down, cylinder=body.shape is BodyShape.CYLINDER
             )
+
+    def under(self, name: str, but: Iterable[str] = ()) -> str | None:
+        """Find what a body lies on; the bodies in ``but`` count as absent."""
+        pose = self.bodies.poses[name]
+        x, y, z = pose.position
+        low = z - float(half_extents(pose, self.bodies.bodies[name].size)[2])
+        with self.rays.without(name, *but):
+            return self.rays.down(np.array([[x, y, low + _INTO]]), np.array([[x, y, low - REST]]))[0][0]
+
+    def below(self, point: Sequence[float], but: str) -> tuple[str | None, float]:
+        """Find what is straight below a point, and at what height [m]; the body ``but`` counts as absent."""
+        start = np.array([point])
+        with self.rays.without(but):
+            names, heights = self.rays.down(start, start - np.array([0.0, 0.0, _DEPTH]))
+        return names[0], float(heights[0])
 
     def stands(self, name: str) -> bool:
         """Check whether a body surely stands within :data:`_NEAR` on one level box under all of it; False may be wrong.

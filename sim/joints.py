@@ -7,7 +7,7 @@ button toggles its device, turning a knob far enough switches it on.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from enum import StrEnum
 
 import numpy as np
@@ -155,17 +155,13 @@ class Controls:
         controls: Sequence[Control],
         state: Callable[[str], str | None],
         put: Callable[[str, str], None],
-        values: Mapping[str, float],
-        joints: Mapping[str, Articulation],
+        is_turned: Callable[[Control], bool],
     ) -> None:
-        """Switch on the devices whose knob, of the joint values ``values``, is turned at first.
-
-        ``state`` and ``put`` read and change the state of a device.
-        """
+        """Switch on devices with a knob that ``is_turned`` at first; ``state`` and ``put`` read and change theirs."""
         self._buttons = [one for one in controls if not one.turns]
         self._knobs = [one for one in controls if one.turns]
-        self._state, self._put = state, put
-        self._turned = {one.body: _is_turned(one, values, joints) for one in self._knobs}
+        self._state, self._put, self._is_turned = state, put, is_turned
+        self._turned = {one.body: is_turned(one) for one in self._knobs}
         for knob in self._knobs:
             if self._turned[knob.body]:
                 put(knob.device, ON)
@@ -184,17 +180,13 @@ class Controls:
             if button.body == body and math.dist((pose @ Pose(button.point)).position, touch.point) <= AT_BUTTON:
                 self._put(button.device, OFF if self._is_on(button.device) else ON)
 
-    def turned(self, values: Mapping[str, float], joints: Mapping[str, Articulation]) -> None:
-        """Switch devices by their knobs' joint values; one that was on at first with its knob at 0 is on there."""
+    def turned(self) -> None:
+        """Switch devices by their knobs; one that was on at first with its knob at 0 is on there."""
         for knob in self._knobs:
-            is_turned = _is_turned(knob, values, joints)
+            is_turned = self._is_turned(knob)
             if is_turned != self._turned[knob.body]:
                 self._turned[knob.body] = is_turned
                 self._put(knob.device, ON if is_turned != self._on_at_zero[knob.device] else OFF)
 
     def _is_on(self, device: str) -> bool:
         return self._state(device) == ON
-
-
-def _is_turned(knob: Control, values: Mapping[str, float], joints: Mapping[str, Articulation]) -> bool:
-    return values[knob.body] >= HALFWAY * joints[knob.body].upper

@@ -5,7 +5,7 @@ Kinematic only: nothing has mass, nothing is pushed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,10 +14,9 @@ from planlang.geometry import Pose
 from planlang.geometry.matrices import moved
 from planlang.protocols import Configuration, Contact
 from planlang.state import Grip, Hold, Made, WorldState
-from planlang.state.matter import ON
+from planlang.state.matter import ON, Matter
 from sim.bodies import Bodies, Part
 from sim.camera import Camera, Rays
-from sim.changes import Changes, EngineQueries
 from sim.contact import PARTED, Contacts, HeldObject, Query
 from sim.engine import bullet, connect
 from sim.falling import Falling
@@ -50,7 +49,12 @@ class KinematicScene:
             self._bodies.fill(np.full(3, -np.inf), np.full(3, np.inf))
         self._camera = Camera(self._client, self._bodies)
         self._people = People(self._bodies, rate)
-        self._held: dict[str, HeldObject] = {}
+        self.held: dict[str, HeldObject] = {}
+        """What hands hold, and what stands on that."""
+        self.matter = Matter()
+        """What things hold, and how they are."""
+        self.changed = 0
+        """Number of changes that actions have made; those that time brings are not counted."""
         self._leaves = Leaves(scene, self._bodies)
         self._robot: Robot | None = None
         self._now = Configuration(scene.start, {})
@@ -64,12 +68,10 @@ class KinematicScene:
                 raise
             self._now = Configuration(scene.start, dict(self._robot.shown))
             self._contacts = Contacts(
-                self._robot, self._bodies, self._held, self._leaves, lambda name: self.changes.matter.gives_way(name)
+                self._robot, self._bodies, self.held, self._leaves, lambda name: self.matter.gives_way(name)
             )
         self._rays = Rays(self._client, self._bodies, self._robot)
-        self._falling = Falling(self._bodies, self._rays, rate)
-        self.changes = Changes(self._bodies, scene.rules, self._rays, self._falling, self._held)
-        """What has become of things."""
+        self.gravity = Falling(self._bodies, self._rays, rate)
         self._made: dict[str, Made] = {}
         """Bodies of :meth:`arrange` that were not in the scene."""
         for body in scene.bodies:
@@ -78,15 +80,11 @@ class KinematicScene:
 
     # States
 
-    def queries(self, at: Callable[[WorldState], KinematicScene]) -> EngineQueries:
-        """Make the answers about states of this world, which ``at`` shows in it. Nothing may have been created yet."""
-        return EngineQueries(at, self.scene.rules, self._bodies.bodies.values())
-
     def world_state(self, robot: str = ROBOT) -> WorldState:
         """The present state as a value, in which the robot has a name; held bodies are where they are now."""
         self._here()
         held = {}
-        for name, one in self._held.items():
+        for name, one in self.held.items():
             if one.on is None:
                 others = tuple(Hold(link, link, offset) for link, offset in one.others.items())
                 before = self._bodies.poses[name]
@@ -97,17 +95,17 @@ class KinematicScene:
             dict(self._leaves.values),
             held,
             self.led(),
-            {name: frozenset(one.touched) for name, one in self._held.items()},
-            self.changes.matter,
+            {name: frozenset(one.touched) for name, one in self.held.items()},
+            self.matter,
             made=dict(self._made),
-            changes=self.changes.count,
+            changes=self.changed,
         )
 
     def recall_touched(self, touched: Mapping[str, frozenset[str]]) -> None:
         """Set what held bodies have touched since they were grasped; others keep what was computed then."""
         for name, bodies in touched.items():
-            if name in self._held:
-                self._held[name].touched = set(bodies)
+            if name in self.held:
+                self.held[name].touched = set(bodies)
 
     def arrange(self, state: WorldState) -> None:
         """Bring things to a state: make those that came to be, take out those that are not there, place the others.
@@ -131,7 +129,7 @@ class KinematicScene:
             at = there[name] if name in there else self.pose(name)
             if name not in carried and at is not pose and at != pose:
                 self.set_pose(name, pose)
-        self.changes.matter, self.changes.count = state.matter, state.changes
+        self.matter, self.changed = state.matter, state.changes
 
     # The robot
 
@@ -176,7 +174,7 @@ class KinematicScene:
             self._robot.show(configuration)
         if configuration is self._now:
             self._shown = configuration, self._robot.moves
-        for name, held in self._held.items():
+        for name, held in self.held.items():
             if held.placed != self._robot.moves and held.moves:
                 self._bodies.carry(name, self._robot.link_pose(held.link) @ held.offset)
                 held.placed = self._robot.moves
@@ -223,21 +221,21 @@ class KinematicScene:
         """Place a body, at rest; if it is held, its pose in the hand changes."""
         self.scene.body(name)
         self._here()
-        self._falling.stop(name)
+        self.gravity.stop(name)
         self._bodies.place(name, pose)
-        if name not in self._held:
+        if name not in self.held:
             self._people.lose(name)
         else:
-            held = self._held[name]
+            held = self.held[name]
             held.offset, held.placed = self.robot.link_pose(held.link).inverse() @ pose, None
             held.others = {link: self.robot.link_pose(link).inverse() @ pose for link in held.others}
 
     def remove(self, name: str) -> None:
         """Take a body out of the world until :meth:`restore`; a held one is released first."""
         self.scene.body(name)
-        if name in self._held:
+        if name in self.held:
             self._let_go(name)
-        self._falling.stop(name)
+        self.gravity.stop(name)
         self._people.lose(name)
         self._bodies.remove(name)
 
@@ -255,12 +253,12 @@ class KinematicScene:
         self._here()
         pose = self._bodies.poses[name]
         offset, hand = self.robot.link_pose(link).inverse() @ pose, self.robot.hand_of(link)
-        self._falling.stop(name)
+        self.gravity.stop(name)
         self._people.lose(name)
-        held = self._held.get(name)
+        held = self.held.get(name)
         if held is None or held.on is not None or link == held.link:
             touched = self._contacts.touching(name, PARTED)
-            held = self._held[name] = HeldObject(link, offset, hand, touched, needs=body.hands)
+            held = self.held[name] = HeldObject(link, offset, hand, touched, needs=body.hands)
         else:
             held.others[link], held.hand = offset, held.hand | hand
         if held.needs > 1 and held.moves:
@@ -269,34 +267,34 @@ class KinematicScene:
 
     def _ride(self, rider: str, name: str) -> None:
         """Let a body move with the held one on which it stands."""
-        link = self._held[name].link
+        link = self.held[name].link
         offset = self.robot.link_pose(link).inverse() @ self._bodies.poses[rider]
-        self._held[rider] = HeldObject(link, offset, frozenset(), self._contacts.touching(rider, PARTED), on=name)
+        self.held[rider] = HeldObject(link, offset, frozenset(), self._contacts.touching(rider, PARTED), on=name)
 
     def release(self, name: str) -> None:
         """Release a body in place, with what stands on it; ``KeyError`` if it is not held."""
-        if name not in self._held:
-            raise KeyError(f"{name!r} is not held; held: {', '.join(self._held) or 'nothing'}")
+        if name not in self.held:
+            raise KeyError(f"{name!r} is not held; held: {', '.join(self.held) or 'nothing'}")
         self._here()
         self._let_go(name)
 
     def _let_go(self, name: str) -> None:
-        del self._held[name]
-        for rider in [one for one, held in self._held.items() if held.on == name]:
-            del self._held[rider]
+        del self.held[name]
+        for rider in [one for one, held in self.held.items() if held.on == name]:
+            del self.held[rider]
 
     def attached(self) -> Mapping[str, str]:
         """Held body -> link of the robot that holds it (the first of several), or that holds what it stands on."""
-        return {name: held.link for name, held in self._held.items()}
+        return {name: held.link for name, held in self.held.items()}
 
     def holders(self, name: str) -> tuple[str, ...]:
         """Links of the robot that hold a body; empty if it is free or only stands on a held one."""
-        held = self._held.get(name)
+        held = self.held.get(name)
         return () if held is None or held.on is not None else tuple(held.links)
 
     def riders(self, name: str) -> tuple[str, ...]:
         """Bodies that move with a held one because they stand on it."""
-        return tuple(rider for rider, held in self._held.items() if held.on == name)
+        return tuple(rider for rider, held in self.held.items() if held.on == name)
 
     def _create(self, body: Body) -> None:
         """Add a new body to the world."""
@@ -309,9 +307,9 @@ class KinematicScene:
     def _contain(self, body: Body) -> None:
         """Set the initial contents and device state of a body."""
         for portion in body.content:
-            self.changes.matter = self.changes.matter.put(body.name, portion)
+            self.matter = self.matter.put(body.name, portion)
         if body.is_on:
-            self.changes.matter = self.changes.matter.switched(body.name, ON)
+            self.matter = self.matter.switched(body.name, ON)
 
     # Doors and drawers
 
@@ -330,7 +328,7 @@ class KinematicScene:
             raise ValueError(f"joint values of {leaf} are from {joint.lower} to {joint.upper}, not {value}")
         self._here()
         self._leaves.led.pop(leaf, None)
-        self._leaves.put(leaf, value, self._leaves.inside(leaf, self._held))
+        self._leaves.put(leaf, value, self._leaves.inside(leaf, self.held))
 
     def lead(self, link: str, leaf: str) -> None:
         """Let a leaf follow a link of the robot, whose fingers are closed on it, as far as its joint allows."""
@@ -339,7 +337,7 @@ class KinematicScene:
         hand = self.robot.link_pose(link)
         near = {other for name in joint.bodies for other in self._contacts.touching(name, NEAR_BY)}
         touched = frozenset((*near, *joint.bodies, *((joint.holder,) if joint.holder else ())))
-        carried = self._leaves.inside(leaf, self._held)
+        carried = self._leaves.inside(leaf, self.held)
         closed = self._leaves.handle(leaf)
         grip = moved((hand.inverse() @ joint.motion(self._leaves.values[leaf])).matrix(), closed)
         turn = hand.inverse() @ joint.motion(self._leaves.values[leaf]) if joint.is_knob else None
@@ -361,24 +359,24 @@ class KinematicScene:
         """Find what a body would rest on if released here; None if nothing is below."""
         self.scene.body(name)
         self._here()
-        return self._falling.rest(name)[1]
+        return self.gravity.rest(name)[1]
 
     def height_above_support(self, name: str) -> float:
         """Compute how far a body would fall if released here [m]; ``inf`` if nothing is below."""
         self.scene.body(name)
         self._here()
-        rest, support = self._falling.rest(name)
+        rest, support = self.gravity.rest(name)
         return self._bodies.poses[name].position[2] - rest.position[2] if support else float("inf")
 
     def stands(self, name: str) -> bool:
         """Check whether a body surely stands on a box, within 3 cm, without asking for more; False may be wrong."""
-        return self._falling.stands(name)
+        return self.gravity.stands(name)
 
     def standing_on(self, name: str) -> tuple[str, ...]:
         """List the movable bodies that stand on a body, directly or not, and that nothing holds."""
         self.scene.body(name)
         self._here()
-        return tuple(self._falling.standing_on(name, self._held))
+        return tuple(self.gravity.standing_on(name, self.held))
 
     def person(self, name: str) -> ComfortZone:
         """Comfort zone of a person: shoulders, arm length and facing direction."""
@@ -387,20 +385,6 @@ class KinematicScene:
     def contacts(self) -> tuple[Contact, ...]:
         """Find the current penetrations of the robot and of what it holds, without the allowed ones."""
         return () if self._robot is None else self._find(self._now, Query())
-
-    def state(self) -> tuple[object, ...]:
-        """Summarise the world as a hashable value: equal if everything is at the same place."""
-        self._here()
-        return (
-            self._now.base,
-            tuple(sorted(self._now.joints.items())),
-            tuple((name, pose.position, pose.orientation) for name, pose in self._bodies.poses.items()),
-            tuple(self.attached().items()),
-            tuple(self.led().items()),
-            tuple(self._falling.on_the_way),
-            self._people.state(),
-            self.changes.matter.state(),
-        )
 
     def close(self) -> None:
         """Disconnect the physics client; the world cannot be used afterwards. Closing twice does nothing."""

@@ -12,7 +12,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, rotated
 from planlang.records import dataclass
 from sim.bodies import Bodies
-from sim.joints import Articulation
+from sim.joints import HALFWAY, Articulation, Control
 from sim.scene import Scene
 
 SLIPPED = 0.03
@@ -69,11 +69,9 @@ class Leaves:
 
     def inside(self, leaf: str, but: Collection[str] = ()) -> dict[str, Pose]:
         """Find the movable bodies inside a leaf, with their poses in its frame."""
-        size = self._bodies.bodies[leaf].size
-        pose, poses = self._bodies.poses[leaf], self._bodies.poses
-        movable = [name for name in self.movable if name not in but and name not in self._bodies.removed]
-        is_inside = inside(pose, size, np.array([poses[name].position for name in movable]).reshape(-1, 3))
-        return {movable[index]: pose.inverse() @ poses[movable[index]] for index in np.flatnonzero(is_inside).tolist()}
+        removed, poses = self._bodies.removed, self._bodies.poses
+        movable = {name: poses[name] for name in self.movable if name not in but and name not in removed}
+        return contents(poses[leaf], self._bodies.bodies[leaf].size, movable)
 
     def follow(self, leaf: str, hand: Pose) -> None:
         """Move a grasped leaf to match the pose of its hand."""
@@ -93,6 +91,10 @@ class Leaves:
         whole = (leaf for leaf, joint in self.joints.items() if body in joint.bodies)
         return body if body in self.joints else next(whole, None)
 
+    def is_turned(self, knob: Control) -> bool:
+        """Check whether a knob is turned far enough to switch its device."""
+        return self.values[knob.body] >= HALFWAY * self.joints[knob.body].upper
+
     def handle(self, leaf: str) -> Array:
         """Locate the centre of a leaf's handle, or of a leaf without one, (3,) in the map when the leaf is closed."""
         return np.array(self._bodies.bodies[self.joints[leaf].handle or leaf].pose.position)
@@ -105,6 +107,14 @@ class Leaves:
     def hands_on(self, body: str) -> frozenset[int]:
         """List the numbers of the links that may touch a handle because they hold it."""
         return frozenset().union(*(led.hand for leaf, led in self.led.items() if body == self.joints[leaf].handle))
+
+
+def contents(leaf: Pose, size: Sequence[float], poses: Mapping[str, Pose]) -> dict[str, Pose]:
+    """Find which things at poses are inside a leaf, with their poses in its frame."""
+    points = np.array([pose.position for pose in poses.values()]).reshape(-1, 3)
+    back = leaf.inverse()
+    is_inside = inside(leaf, size, points).tolist()
+    return {name: back @ pose for (name, pose), within in zip(poses.items(), is_inside, strict=True) if within}
 
 
 def inside(pose: Pose, size: Sequence[float], points: Array) -> NDArray[np.bool_]:

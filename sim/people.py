@@ -395,10 +395,3 @@ class People:
             parts = arm_parts(person.figure, k, person.hands[k])
             for index, part in zip(limbs[3 * k : 3 * k + 3], parts, strict=True):
                 self.bodies.place_part(index, part.offset)
-
-    def state(self) -> tuple[object, ...]:
-        """Summarise positions and contents of all hands as a hashable value."""
-        return tuple(
-            (name, *(tuple(np.asarray(hand).tolist()) for hand in person.hands), tuple(person.holds))
-            for name, person in self.persons.items()
-        )

@@ -131,7 +131,7 @@ class PlanningWorld(KinematicScene):
         without what a joint of ``without`` moves.
         """
         bands, left_out = list(self._shape(without).bands), self._moved(without)
-        for name, held in self._held.items():
+        for name, held in self.held.items():
             if not self.robot.carrier(held.link) & left_out:
                 self._show(self._at_origin())
                 low, high = self._bodies.box_of(name)
@@ -189,7 +189,7 @@ class PlanningWorld(KinematicScene):
         self._here()
         pieces = []
         for piece, height in zip(self._bodies.pieces, self._bodies.upper[:, 2].tolist(), strict=True):
-            if piece.body in self._held or piece.body in self._bodies.removed or height < GROUND:
+            if piece.body in self.held or piece.body in self._bodies.removed or height < GROUND:
                 continue
             x, y, z = piece.part.size
             if piece.part.kind != SolidKind.BOX:
@@ -204,12 +204,12 @@ class PlanningWorld(KinematicScene):
 
     def touched_since_grasp(self, name: str) -> frozenset[str]:
         """Bodies in touch with a held one since it was grasped: slight contact with them is allowed."""
-        return frozenset(self._held[name].touched)
+        return frozenset(self.held[name].touched)
 
     def still_touched(self, configuration: Configuration) -> Mapping[str, frozenset[str]]:
         """Compute what each held body would still touch of that if the robot were at a configuration."""
         self._show(configuration)
-        return {name: frozenset(self._contacts.still_touched(name)) for name in self._held}
+        return {name: frozenset(self._contacts.still_touched(name)) for name in self.held}
 
     def clear_lines(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
         """Check which lines from starts (n, 3) to ends (n, 3) hit no body, ignoring the robot, (n,)."""

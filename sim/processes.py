@@ -6,16 +6,19 @@ in steps; nothing here is random.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
+from planlang.changes import Simulated
 from planlang.geometry import Pose
 from planlang.geometry.matrices import turned_up
 from planlang.records import dataclass
-from planlang.state import Queries, WorldState, flow, warm
+from planlang.state import Matter, Queries, WorldState, flow, warm
 from sim.bodies import BLADE, axes_of
-from sim.changes import Changes
+from sim.contact import HeldObject
+from sim.falling import Falling
 
 NEAR_BLADE = 0.03
 """Distance of a thing's centre from a blade up to which the blade carries it [m]."""
@@ -32,51 +35,55 @@ class Riding:
     side: float
 
 
+class Enacted(Protocol):
+    """The world in which processes go on."""
+
+    matter: Matter
+    simulated: Simulated
+    held: dict[str, HeldObject]
+    gravity: Falling
+
+    def world_state(self) -> WorldState:
+        """The present state."""
+
+    def enact(self, state: WorldState) -> object:
+        """Bring things to a state to which flow or heat has led."""
+
+
 class Processes:
     """Advances the processes of one world."""
 
-    def __init__(
-        self,
-        changes: Changes,
-        queries: Queries,
-        now: Callable[[], WorldState],
-        become: Callable[[WorldState], object],
-    ) -> None:
-        """``now`` tells the state of the world; ``become`` brings it to another one."""
-        self._changes, self._bodies = changes, changes.bodies
-        self._queries, self._now, self._become = queries, now, become
+    def __init__(self, world: Enacted, queries: Queries) -> None:
+        self._world, self._queries, self._bodies = world, queries, world.gravity.bodies
         self.riding: dict[str, Riding] = {}
         self.heights: dict[str, float] = {}
         """Tool -> height of its blade one step earlier [m]."""
-        self.flowed: dict[str, float] = {}
-        """Vessel -> volume that has flowed out of it [ml]."""
-        self.carried: dict[str, int] = {}
-        """Thing -> number of times that a blade took it along."""
 
     def step(self, seconds: float) -> None:
         """Advance by some seconds: flow, blades, heat."""
         self.flow(seconds)
         self.carry()
-        if any(map(self._changes.matter.is_on, self._changes.matter.states)):
-            self._become(warm(self._now(), seconds, self._queries))
+        if any(map(self._world.matter.is_on, self._world.matter.states)):
+            self._world.enact(warm(self._world.world_state(), seconds, self._queries))
 
     def flow(self, seconds: float) -> None:
         """Empty held vessels whose axis points down."""
-        changes = self._changes
-        for name in tuple(changes.held):
-            pose = self._bodies.poses[name]
-            if name in changes.matter.contents and changes.is_vessel(name) and pose.rotation[2, 2] < 0:
-                mouth = pose @ Pose((0.0, 0.0, self._bodies.bodies[name].size[2] / 2))
-                amount = changes.rules.flow_rate * seconds
-                state, flowed, _ = flow(self._now(), name, amount, mouth.position, self._queries)
-                self.flowed[name] = self.flowed.get(name, 0.0) + flowed
-                self._become(state)
+        for name in tuple(self._world.held):
+            body, pose = self._bodies.bodies[name], self._bodies.poses[name]
+            if name in self._world.matter.contents and body.capacity > 0 and pose.rotation[2, 2] < 0:
+                mouth = pose @ Pose((0.0, 0.0, body.size[2] / 2))
+                amount = self._queries.rules.flow_rate * seconds
+                state, flowed, _ = flow(self._world.world_state(), name, amount, mouth.position, self._queries)
+                so_far = self._world.simulated
+                flows = {**so_far.flowed, name: so_far.flowed.get(name, 0.0) + flowed}
+                self._world.simulated = replace(so_far, flowed=flows)
+                self._world.enact(state)
 
     def carry(self) -> None:
         """Move thin things with the blades under them; drop those whose blade turns over."""
-        tools = [name for name in self._changes.held if self._bodies.bodies[name].blade]
+        tools = [name for name in self._world.held if self._bodies.bodies[name].blade]
         for thing, ride in list(self.riding.items()):
-            if thing in self._changes.held or thing in self._bodies.removed:
+            if thing in self._world.held or thing in self._bodies.removed:
                 del self.riding[thing]
             elif ride.tool not in tools:
                 self._leave(thing, ride.tool)
@@ -95,24 +102,24 @@ class Processes:
         if turned:
             up = ride.side * float(np.sign(blade.rotation[:, 2] @ self._bodies.poses[thing].rotation[:, 2]))
             self._bodies.place(thing, turned_up(self._bodies.poses[thing], 2, -up))
-        if turned or (sinks and self._changes.under(thing, [ride.tool]) is not None):
+        if turned or (sinks and self._world.gravity.under(thing, [ride.tool]) is not None):
             self._leave(thing, ride.tool)
 
     def _leave(self, thing: str, tool: str) -> None:
         del self.riding[thing]
-        with self._changes.rays.without(tool):
-            self._changes.falling.begin(thing)
+        with self._world.gravity.rays.without(tool):
+            self._world.gravity.begin(thing)
 
     def _take_along(self, tool: str) -> None:
         blade = self._blade(tool)
         if blade.position[2] <= self.heights.get(tool, np.inf) + RISEN:
             return
-        body, held = self._bodies.bodies[tool], self._changes.held
+        body, held = self._bodies.bodies[tool], self._world.held
         # half the extents of the blade along its own axes [m]; its thickness is zero
         half = np.array([body.blade, body.size[axes_of(body.size)[1]], 0.0]) / 2
         for thing, other in self._bodies.bodies.items():
             excluded = thing in self.riding or thing in held or thing in self._bodies.removed
-            if not other.thin or other.blade or excluded or thing in self._changes.falling.on_the_way:
+            if not other.thin or other.blade or excluded or thing in self._world.gravity.on_the_way:
                 continue
             place = self._bodies.poses[thing]
             if self.heights[tool] > place.position[2] + other.size[2] / 2:
@@ -121,8 +128,10 @@ class Processes:
             if np.linalg.norm(local - np.clip(local, -half, half)) <= NEAR_BLADE:
                 side = 1.0 if blade.rotation[2, 2] > 0 else -1.0
                 self.riding[thing] = Riding(tool, self._bodies.poses[tool].inverse() @ place, side)
-                self.carried[thing] = self.carried.get(thing, 0) + 1
-                self._changes.falling.stop(thing)
+                so_far = self._world.simulated
+                carried = {**so_far.carried, thing: so_far.carried.get(thing, 0) + 1}
+                self._world.simulated = replace(so_far, carried=carried)
+                self._world.gravity.stop(thing)
 
     def _blade(self, tool: str) -> Pose:
         """Pose of a blade's centre: x along the tool's longest axis, z the normal."""
@@ -136,15 +145,3 @@ class Processes:
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = columns, centre
         return self._bodies.poses[tool] @ Pose.from_matrix(matrix)
-
-
-def due(changes: Changes, names: Iterable[str], type: str | None = None) -> Iterator[float]:
-    """Yield the times [s] until heat makes something (of a class, if given) of things that are heated now."""
-    for name in names:
-        heat = None if name in changes.bodies.removed else changes.heated_by(name)
-        if heat is None:
-            continue
-        for one in (changes.type_of(name), *changes.matter.contents.get(name, {})):
-            result = changes.rules.result(one, changes.type_of(heat[0]))
-            if result is not None and (type is None or changes.rules.is_a(result.output, type)):
-                yield max(0.0, result.seconds - max(changes.matter.heated.get(name, (0.0, 0.0))))

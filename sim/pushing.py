@@ -18,8 +18,8 @@ from planlang.geometry import Array, Pose
 from planlang.protocols import Contact
 from planlang.records import dataclass
 from sim.bodies import Bodies
-from sim.changes import REST, Changes
 from sim.contact import TOLERANCE, Contacts
+from sim.falling import REST, Falling
 from sim.leaves import Leaves
 
 LEVEL = 0.5
@@ -42,7 +42,7 @@ class Pushing:
     bodies: Bodies
     leaves: Leaves
     contacts: Contacts
-    changes: Changes
+    falling: Falling
     hands: dict[str, frozenset[str]] = field(default_factory=dict)
     """Link of the robot -> names of the links of the hand there, which pushes."""
     touched: dict[str, set[str]] = field(default_factory=dict)
@@ -105,12 +105,12 @@ class Pushing:
 
     def _on(self, name: str) -> list[str]:
         """List the things that stand on a thing, directly or not."""
-        return self.changes.falling.standing_on(name, self.contacts.held)
+        return self.falling.standing_on(name, self.contacts.held)
 
     def _slide(self, moving: tuple[str, ...], point: Array, normal: Array, depth: float) -> bool:
         """Slide and turn a thing, with what is on it, so that ``point`` (3,) moves ``depth`` [m] along ``normal``."""
         share, pose = float(np.hypot(*normal[:2])), self.bodies.poses[moving[0]]
-        if share < LEVEL or moving[0] in self.changes.falling.on_the_way:
+        if share < LEVEL or moving[0] in self.falling.on_the_way:
             return False
         ahead, arm = normal[:2] / share, point[:2] - pose.position[:2]
         level = np.argsort(np.abs(pose.rotation[2]), kind="stable")[:2]
@@ -141,10 +141,9 @@ class Pushing:
 
     def _let_fall(self, before: dict[str, Pose]) -> None:
         """Drop what was pushed over an edge, with what stands on it."""
-        falling = self.changes.falling
         for name in self.touched:
             if self.bodies.poses[name] is before.get(name) or self.leaves.leaf_of(name) is not None:
                 continue
-            rest, support = falling.rest(name)
+            rest, support = self.falling.rest(name)
             if support is None or self.bodies.poses[name].position[2] - rest.position[2] > REST:
-                falling.begin(name, self._on(name))
+                self.falling.begin(name, self._on(name))

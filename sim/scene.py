@@ -14,8 +14,7 @@ from pathlib import Path
 
 from planlang.geometry import Pose
 from planlang.records import dataclass
-from planlang.state.matter import Portion
-from planlang.state.rules import Rules
+from planlang.state.matter import Portion, Rules
 from sim.joints import Articulation, Control
 from sim.movers import Mover
 

@@ -17,7 +17,7 @@ from planlang.state import WorldState, apply, is_free
 from sim.contact import Query
 from sim.joints import Controls
 from sim.kinematic import KinematicScene
-from sim.mirror import become
+from sim.mirror import EngineQueries
 from sim.movers import Movers
 from sim.outlook import Outlook
 from sim.processes import Processes
@@ -187,21 +187,20 @@ class PyBulletWorld(KinematicScene):
         self.seed, self.steps = seed, 0
         self._pushes: dict[str, str] = {}
         """Motion group that pushes -> link of the hand with which it pushes."""
-        self._queries = self.queries(self._become)
+        self.queries = EngineQueries(self, self.enact)
+        """Answers about states to which changes, flow or heat lead from the present one."""
         self._placed: Mapping[str, Pose] = {}
         """Poses of the state to which things have been brought last."""
-        self._processes = Processes(self.changes, self._queries, self.world_state, self._become)
+        self._processes = Processes(self, self.queries)
         self._movers = Movers(scene.movers, self._bodies.poses, self._bodies.place, rate)
         self._motions: dict[str, Playback] = {}
-        self._switched: dict[str, int] = {}
-        """Device -> number of times that a hand has switched it."""
-        self._controls = Controls(
-            scene.controls, self.condition, self._switch, self._leaves.values, self._leaves.joints
-        )
+        self.simulated = Simulated()
+        """What has happened by physics so far."""
+        self._controls = Controls(scene.controls, self.condition, self._switch, self._leaves.is_turned)
         hands = {} if robot is None else robot.hands
         self._hands = frozenset((*hands, *(link for fingers in hands.values() for link in fingers)))
         if self._robot is not None:
-            self._pushing = Pushing(self._bodies, self._leaves, self._contacts, self.changes)
+            self._pushing = Pushing(self._bodies, self._leaves, self._contacts, self.gravity)
             self._outlook = Outlook(self._contacts, self._here)
 
     # Time and motions
@@ -216,15 +215,15 @@ class PyBulletWorld(KinematicScene):
             self._push(free)
         for group in [one for one in self._pushes if self.motion(one).state is not MotionState.MOVING]:
             self._stop_pushing(group)
-        if self._robot is not None and (self._held or self._leaves.led):
+        if self._robot is not None and (self.held or self._leaves.led):
             self._here()
             self._contacts.part()
             self._slip(self._robot)
             self._open(self._robot, moving)
-        self._people.step({name: self._bodies.poses[name] for name, held in self._held.items() if held.on is None})
-        self._falling.step()
+        self._people.step({name: self._bodies.poses[name] for name, held in self.held.items() if held.on is None})
+        self.gravity.step()
         self._movers.step(self._is_clear)
-        self._controls.turned(self._leaves.values, self._leaves.joints)
+        self._controls.turned()
         self._processes.step(1 / self.rate)
         self.steps += 1
 
@@ -235,7 +234,7 @@ class PyBulletWorld(KinematicScene):
         self._here()
         (lower, upper), (low, high) = self._robot.boxes(), self._bodies.box_of(name)
         near = np.flatnonzero(((lower <= high) & (upper >= low)).all(axis=1)).tolist()
-        parts = (*(self._robot.solid_names[number] for number in near), *self._held)
+        parts = (*(self._robot.solid_names[number] for number in near), *self.held)
         return not self._find(self._now, Query(among=[(part, name) for part in parts]))
 
     def _contacts_at(self, configuration: Configuration, query: Query) -> tuple[Contact, ...]:
@@ -272,8 +271,8 @@ class PyBulletWorld(KinematicScene):
         for leaf, link in self.led().items():
             if self._leaves.strayed(leaf, robot.link_pose(link)):
                 self.let_go(leaf)
-        for name in [name for name, held in self._held.items() if held.needs > 1]:
-            for link, offset in self._held[name].links.items():
+        for name in [name for name, held in self.held.items() if held.needs > 1]:
+            for link, offset in self.held[name].links.items():
                 there, here = self._bodies.poses[name], robot.link_pose(link) @ offset
                 strayed = here.distance(there) > STRAYED or here.turn(there) > TWISTED
                 if strayed or name not in self._contacts.between(link):
@@ -284,7 +283,7 @@ class PyBulletWorld(KinematicScene):
         """Release what a hand holds once its fingers have moved off it."""
         fingers = [one.query.links for playback in moving for one in playback.strands if one.query.grip]
         moved = frozenset[int]().union(*(links for links in fingers if links is not None))
-        holding = (*self.led().values(), *(link for name in self._held for link in self.holders(name)))
+        holding = (*self.led().values(), *(link for name in self.held for link in self.holders(name)))
         for link in dict.fromkeys(holding) if moved else ():
             if moved & robot.hand_of(link) and not self._contacts.between(link):
                 self.loosen(link)
@@ -340,8 +339,8 @@ class PyBulletWorld(KinematicScene):
         """Release what the hand at a link holds, and what the remaining hands are too few to hold."""
         for leaf in [leaf for leaf, leader in self.led().items() if leader == link]:
             self.let_go(leaf)
-        for name in [name for name in self._held if link in self.holders(name)]:
-            held = self._held[name]
+        for name in [name for name in self.held if link in self.holders(name)]:
+            held = self.held[name]
             links = {other: offset for other, offset in held.links.items() if other != link}
             if len(links) < held.needs:
                 self.release(name)
@@ -352,30 +351,20 @@ class PyBulletWorld(KinematicScene):
 
     def feels(self, link: str) -> bool:
         """Check whether the hand at a link holds an object or a leaf."""
-        return link in self.led().values() or any(link in self.holders(name) for name in self._held)
+        return link in self.led().values() or any(link in self.holders(name) for name in self.held)
 
     def pulled(self, link: str) -> bool:
         """Check whether a person has hold of the object in the hand at a link."""
-        return any(link in self.holders(name) and self.taken(name) is not None for name in self._held)
+        return any(link in self.holders(name) and self.taken(name) is not None for name in self.held)
 
     def release(self, name: str) -> None:
         """Release a body: it falls unless a person has taken it. ``KeyError`` if it is not held."""
         riders = self.riders(name)
         super().release(name)
         if self._people.holder(name) is None:
-            self._falling.begin(name, riders)
+            self.gravity.begin(name, riders)
 
     # Changes of things: implements planlang.changes.Physics
-
-    @property
-    def changed(self) -> int:
-        """Number of changes of things, whoever brought them about."""
-        return self.changes.count
-
-    @property
-    def simulated(self) -> Simulated:
-        """What has happened by physics so far."""
-        return Simulated(dict(self._processes.flowed), dict(self._processes.carried), dict(self._switched))
 
     def bring_about(self, change: Change, since: Simulated | None = None) -> bool:
         """Let a declared effect come true, as far as it has not happened by physics ``since`` an earlier moment.
@@ -384,12 +373,12 @@ class PyBulletWorld(KinematicScene):
         """
         left = change if since is None else self.simulated.left_of(change, since)
         if left is not None:
-            self._become(apply(left, self.world_state(), self._queries)[0])
+            self.enact(apply(left, self.world_state(), self.queries)[0])
         return left is not None
 
     def is_free(self, name: str) -> bool:
         """Check whether nothing has or had a name."""
-        return is_free(self.world_state(), name, self._queries)
+        return is_free(self.world_state(), name, self.queries)
 
     def world_state(self, robot: str = ROBOT) -> WorldState:
         """The present state as a value, in which the robot has a name; held bodies are where they are now."""
@@ -397,44 +386,33 @@ class PyBulletWorld(KinematicScene):
         self._placed = state.poses
         return state
 
-    def begin(self, state: WorldState) -> None:
-        """Bring a world in which nothing is held to a state: the robot with what it holds, and all things.
-
-        Nothing moves yet; a body in the air falls once a hand releases it.
-        """
-        become(self, ROBOT, replace(state, held={}))
-        for name, grip in state.held.items():
-            self.set_pose(name, self.link_pose(grip.link) @ grip.offset)
-            for hand in grip.hands:
-                self.attach(hand.link, name)
-        self.recall_touched(state.touched)
-
-    def _become(self, state: WorldState) -> PyBulletWorld:
+    def enact(self, state: WorldState) -> PyBulletWorld:
         """Bring things to a state to which changes, flow or heat have led from the present one."""
         if state.poses is not self._placed:
             self.arrange(state)
             self._placed = state.poses
-        self.changes.matter, self.changes.count = state.matter, state.changes
+        self.matter, self.changed = state.matter, state.changes
         return self
 
     # Ground truth: implements sim.truth.Truth
 
     def contents(self, name: str) -> Mapping[str, float]:
         """Class of substance -> amount of it in a body [ml]."""
-        return {one.type: one.amount for one in self.changes.matter.contents.get(name, {}).values()}
+        return {one.type: one.amount for one in self.matter.contents.get(name, {}).values()}
 
     def condition(self, name: str) -> str | None:
         """State of a body, such as on or clean; None if it has none."""
-        return self.changes.matter.states.get(name)
+        return self.matter.states.get(name)
 
     def _switch(self, device: str, state: str) -> None:
         """Switch a device by hand, which is no change by an action's effects."""
-        self._switched[device] = self._switched.get(device, 0) + 1
-        self.changes.matter = self.changes.matter.switched(device, state)
+        switched = self.simulated.switched
+        self.simulated = replace(self.simulated, switched={**switched, device: switched.get(device, 0) + 1})
+        self.matter = self.matter.switched(device, state)
 
     def falling(self, name: str) -> bool:
         """Check whether a body is falling."""
-        return name in self._falling.on_the_way
+        return name in self.gravity.on_the_way
 
     def taken(self, name: str) -> str | None:
         """Name the person who has taken a body, if any."""
@@ -463,9 +441,3 @@ class PyBulletWorld(KinematicScene):
         """Trace lines through the camera's pixels: ends (n, 3) in the map, and whether each is on a surface, (n,)."""
         self._here()
         return self._camera.scan(self._optics(), self.robot.link_pose(camera_link))
-
-    def state(self) -> tuple[object, ...]:
-        """Summarise the world as a hashable value: equal if everything has the same pose and motion."""
-        motions = tuple((group, playback.row, playback.state()) for group, playback in self._motions.items())
-        *things, people = super().state()
-        return (self.steps, *things, motions, people)

@@ -5,23 +5,22 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from copy import copy
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
-import numpy as np
-
-from executive.belief.knowledge import Source
 from executive.belief.known_things import KnownThings, ignore
-from executive.belief.memory import Base
+from executive.belief.memory import Base, Recognition, Source
 from executive.belief.obstacles import NAMES
-from executive.belief.recognition import Recognition
 from executive.belief.snapshots import dump_belief, load_belief
 from executive.maps.classes import MapObject
+from planlang.changes import Change, Poured, Switched, TurnedOver
 from planlang.geometry import Pose
+from planlang.ontology import expand
 from planlang.protocols import Configuration, Detection
 from planlang.state import Grip, Hold, WorldState
 from planlang.state.matter import OFF, without
 from sim import WorldMirror
-from sim.leaves import inside
+from sim.leaves import contents
 
 MOVED = 0.002
 """Distance of a seen object from its believed position up to which it counts as not moved [m]."""
@@ -41,8 +40,9 @@ class Belief(KnownThings):
         for detection in detections:
             if detection.name in self.memory.unknown:
                 self._find_out(detection.name)
-            if detection.name in self._poses and detection.name not in self.carried():
-                self.memory = self.memory.saw(detection.name)
+            if detection.name in self._poses and detection.name not in self.state.carried():
+                seen = self.memory.learned((detection.name,), Source.SEEN)
+                self.memory = replace(seen, in_vain=without(seen.in_vain, detection.name))
                 self._put(detection.name, detection.pose, "seen")
                 self._read(detection)
 
@@ -63,21 +63,23 @@ class Belief(KnownThings):
 
     def doubted(self, name: str) -> None:
         """Record that the state of a leaf or device may have changed, so that it has to be looked at again."""
-        self.memory = self.memory.doubts(name)
+        self.memory = replace(self.memory, witnessed=self.memory.witnessed - {name})
 
     def _find_out(self, name: str) -> None:
         self._become(poses={**self._poses, name: self.memory.unknown[name]})
-        self.memory = self.memory.found(name)
+        self.memory = replace(self.memory, unknown=without(self.memory.unknown, name))
         self._changed("found", name=name)
 
     def not_seen(self, name: str, base: Base) -> None:
         """Record that an object was looked for from a base pose and not seen."""
-        self.memory = self.memory.not_seen(name, base)
+        in_vain = self.memory.in_vain
+        self.memory = replace(self.memory, in_vain={**in_vain, name: (*in_vain.get(name, ()), base)})
         self._changed("not_seen", name=name, base=base)
 
     def not_there(self, name: str) -> None:
         """Record that an object is not at its believed pose, so that its place is unknown."""
-        self.memory = self.memory.lost_sight(name, self._poses[name])
+        lost, unknown = self.memory.without_place(name), {**self.memory.unknown, name: self._poses[name]}
+        self.memory = replace(lost, unknown=unknown, in_vain=without(lost.in_vain, name))
         self._become(poses=without(self._poses, name))
         self._changed("not there", name=name)
 
@@ -168,7 +170,8 @@ class Belief(KnownThings):
 
     def grasped(self, name: str, arm: str, link: str, offset: Pose) -> None:
         """Record that a hand has grasped an object, in addition to hands that hold it already."""
-        self.memory = self.memory.grasped(name, arm)
+        dropped = {one: lost for one, lost in self.memory.dropped.items() if one != arm and lost != name}
+        self.memory = replace(self.memory, dropped=dropped, failing=without(self.memory.failing, arm))
         self.state = self.state.gripped(name, Hold(arm, link, offset))
         self._changed("grasped", name=name, arm=arm)
 
@@ -179,7 +182,7 @@ class Belief(KnownThings):
     def released(self, name: str, pose: Pose, *, to: str | None = None) -> None:
         """Record that an object was released: to a person, or to rest at ``pose`` with the objects on it."""
         self._came_down(name, pose)
-        self.memory = self.memory.allowing(name)
+        self.memory = replace(self.memory, refused=without(self.memory.refused, name))
         if to is not None:
             self._become(away=self.state.away | {name})
         self._changed("released", name=name, pose=pose, to=to)
@@ -191,7 +194,8 @@ class Belief(KnownThings):
 
     def refuse(self, name: str, grip: Grip) -> None:
         """Rule out a grip of an object for later grasps, until the object is released from another grip."""
-        self.memory = self.memory.refusing(name, grip)
+        offsets = (*self.memory.refused.get(name, ()), *(hand.offset for hand in grip.hands))
+        self.memory = replace(self.memory, refused={**self.memory.refused, name: offsets})
         self._changed("grip refused", name=name)
 
     def lost(self, name: str, pose: Pose) -> None:
@@ -208,38 +212,39 @@ class Belief(KnownThings):
         self._become(poses={**self._poses, **down}, held=without(self.held, name), touched=touched)
         self.memory = self.memory.learned(down, Source.DONE)
 
-    def happened(self, state: WorldState) -> None:
-        """Go on to a state that effects of an action, heat or flow have led to; what it means is recorded apart."""
+    def happened(self, state: WorldState, change: Change | None = None) -> None:
+        """Go on to a state to which a change by an action, heat or flow has led.
+
+        Of a pouring, ``change`` has the amount that flowed. What came to be is recorded by :meth:`learn`.
+        """
         known = self.memory.first
         if new := {name: state.poses[name] for name in state.made if name not in known and state.there(name)}:
             self.memory = replace(self.memory, first={**known, **new})
         self.state = state
+        match change:
+            case TurnedOver(name):
+                self._changed("turned over", name=name, pose=self._poses[name])
+            case Switched(name, value):
+                self.memory = self.memory.witnesses(name)
+                self._changed("switched", name=name, state=value)
+            case Poured(source, target, amount):
+                self._changed("poured", name=source, into=target, amount=amount)
 
-    def came_to_be(self, thing: MapObject, pose: Pose) -> None:
-        """Record that an object was created."""
-        self.memory = self.memory.created(thing, pose)
-        self._become(poses={**self._poses, thing.name: pose})
-        self._changed("created", name=thing.name, pose=pose)
+    def learn(self, iris: Mapping[str, str] = MappingProxyType({})) -> None:
+        """Record what is gone from the state and what came to be in it; ``iris`` has those of named objects.
 
-    def destroyed(self, name: str) -> None:
-        """Record that an object no longer exists; its designators may be bound to others."""
-        self.memory = self.memory.destroyed(name)
-        self._become(poses=without(self._poses, name), held=without(self.held, name))
-        self._changed("destroyed", name=name)
-
-    def turned_over(self, name: str, pose: Pose) -> None:
-        """Record that an object has been turned over."""
-        self._become(poses={**self._poses, name: pose})
-        self._changed("turned over", name=name, pose=pose)
-
-    def switched(self, name: str, state: str) -> None:
-        """Record the state of a device, or of an object that was mixed or cleaned."""
-        self.memory = self.memory.witnesses(name)
-        self._changed("switched", name=name, state=state)
-
-    def poured(self, source: str, target: str, amount: float) -> None:
-        """Record that an amount [ml] was poured out of one object into or onto another."""
-        self._changed("poured", name=source, into=target, amount=amount)
+        Designators of what is gone may be bound to others.
+        """
+        for name in sorted(self.state.matter.gone.keys() - set(self.memory.gone)):
+            self.memory = self.memory.destroyed(name)
+            self._changed("destroyed", name=name)
+        for name in filter(self.state.there, self.state.made):
+            if name in self.memory.made:
+                continue
+            made, pose = self.state.made[name], self._poses[name]
+            thing = MapObject(iris.get(name, ""), name, (expand(made.type),), None, made.size)
+            self.memory = self.memory.created(thing, pose)
+            self._changed("created", name=name, pose=pose)
 
     def heated_until(self, time: float) -> float:
         """Record that heating has been simulated up to a plan time [s]; return how long it took since the last one."""
@@ -303,15 +308,11 @@ class Belief(KnownThings):
 
     def snapshot(self) -> dict[str, Any]:
         """Convert the belief to JSON; poses that equal the map's are left out."""
-        return {"revision": self.revision, **dump_belief(self.state, self.memory)}
+        return dump_belief(self.state, self.memory, self.revision)
 
     def restore(self, left: Mapping[str, Any]) -> None:
         """Restore the belief of :meth:`snapshot`. Raises ValueError if it is malformed or belongs to another map."""
-        try:
-            self.revision = int(left["revision"])
-            self.state, self.memory = load_belief(left, self.state, self.memory, self.joints)
-        except (KeyError, TypeError, AttributeError) as problem:
-            raise ValueError(f"the state of the belief is damaged: {problem!r}") from None
+        self.state, self.memory, self.revision = load_belief(left, self.state, self.memory, self.joints)
 
     # Hypotheses
 
@@ -331,12 +332,10 @@ class Belief(KnownThings):
         """Make the state with a leaf's joint at a position [rad, m]; its parts and the objects inside move with it."""
         joint, value = self.joints[leaf], self.joints[leaf].within(value)
         elsewhere, boxes = {*self.joints, *self.held, *self.state.away}, self.boxes()
-        loose = [name for name in boxes if name in self._poses and name not in elsewhere]
-        before, places = self._poses[leaf], np.array([self._poses[name].position for name in loose]).reshape(-1, 3)
-        within = np.flatnonzero(inside(before, boxes[leaf], places)).tolist()
-        offsets = {loose[index]: before.inverse() @ self._poses[loose[index]] for index in within}
+        loose = {name: self._poses[name] for name in boxes if name in self._poses and name not in elsewhere}
+        offsets = contents(self._poses[leaf], boxes[leaf], loose)
         motion = joint.motion(value)
         parts = {name: motion @ self.memory.first[name] if value else self.memory.first[name] for name in joint.bodies}
-        contents = {name: parts[leaf] @ offset for name, offset in offsets.items()}
-        poses, joints = {**self._poses, **parts, **contents}, {**self.state.joints, leaf: value}
+        within = {name: parts[leaf] @ offset for name, offset in offsets.items()}
+        poses, joints = {**self._poses, **parts, **within}, {**self.state.joints, leaf: value}
         return replace(self.state, poses=poses, joints=joints)

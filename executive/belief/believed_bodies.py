@@ -165,8 +165,8 @@ class BelievedBodies(ScenePart):
         if name not in masses:
             held = self._belief.held.get(name)
             loaded = (name, *(self._world.standing_on(name) if held is None else held.riders))
-            matter, body = self._world.changes.matter, self._world.scene.body
-            masses[name] = sum(body(one).mass + matter.total(one) * KG_PER_ML for one in loaded)
+            body = self._world.scene.body
+            masses[name] = sum(body(one).mass + state.matter.total(one) * KG_PER_ML for one in loaded)
         return masses[name]
 
     def hands(self, name: str) -> int:

@@ -5,47 +5,51 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from executive.belief.belief import Belief
+from executive.belief.memory import Base
 from executive.maps.classes import MapObject
 from planlang.designators import Condition, Object
 from planlang.failures import ObjectUnresolvable
-from sim import PlanningWorld
-from sim.changes import amount_of, came_to_be, is_baked, origins_of
+from planlang.state import Queries
+from planlang.state.questions import amount_of, came_to_be, is_baked
 
 LEAST = 1e-6
 """Tolerance of amounts [ml]: less than this counts as nothing."""
 
 
-def decide(condition: Condition, belief: Belief, world: PlanningWorld) -> bool | None:
+def decide(condition: Condition, belief: Belief, queries: Queries) -> bool | None:
     """Decide a condition about contents, baking, devices, creation or destruction; None for other predicates."""
-    changes = world.changes
+    state = belief.state
     match condition:
         case Condition("contains", (Object() as what, Object() as substance)):
-            return _amount(belief, world, what, substance) > LEAST
+            return _amount(belief, what, substance, queries) > LEAST
         case Condition("contains", (Object() as what, Object() as substance, int() | float() as least)):
-            return _amount(belief, world, what, substance) >= least - LEAST
+            return _amount(belief, what, substance, queries) >= least - LEAST
         case Condition("baked", (Object() as what,)):
-            return any(is_baked(changes, name) for name in _candidates(belief, world, what))
+            return any(is_baked(state, name, queries) for name in _candidates(belief, what))
         case Condition("baked", (Object() as what, int() | float() as seconds)):
-            return any(is_baked(changes, name, seconds) for name in _candidates(belief, world, what))
+            return any(is_baked(state, name, queries, seconds) for name in _candidates(belief, what))
         case Condition("switched_on", (Object() as what,)):
-            name = belief.bind(what, world.configuration().base)
-            return belief.witnessed(name) and changes.matter.is_on(name)
+            name = belief.bind(what, _here(belief))
+            return belief.witnessed(name) and state.matter.is_on(name)
         case Condition("destroyed", (Object() as what,)):
-            return any(thing.name in changes.matter.gone for thing in _named(belief, what))
+            return any(thing.name in state.matter.gone for thing in _named(belief, what))
         case Condition("created", (Object() as what,)):
             if what.iri is None:
-                return bool(came_to_be(changes, what.type))
+                return bool(came_to_be(state, what.type, queries))
             made = belief.memory.made.values()
             return any(thing.iri == what.iri and thing.name in belief.names() for thing in made)
         case Condition("transformed_into", (Object() as source, Object() as result)):
             names = {thing.name for thing in _named(belief, source)}
-            into = _candidates(belief, world, result)
-            return any(not names.isdisjoint(origins_of(changes, name)) for name in into)
+            return any(not names.isdisjoint(state.matter.went_into(name)) for name in _candidates(belief, result))
     return None
 
 
-def _amount(belief: Belief, world: PlanningWorld, what: Object, substance: Object) -> float:
-    return amount_of(world.changes, belief.bind(what, world.configuration().base), substance.type)
+def _here(belief: Belief) -> Base:
+    return belief.state.robots[belief.robot].base
+
+
+def _amount(belief: Belief, what: Object, substance: Object, queries: Queries) -> float:
+    return amount_of(belief.state, belief.bind(what, _here(belief)), substance.type, queries)
 
 
 def _named(belief: Belief, what: Object) -> Iterator[MapObject]:
@@ -54,11 +58,11 @@ def _named(belief: Belief, what: Object) -> Iterator[MapObject]:
     yield from exact or (thing for thing in belief.things if belief.is_a(thing, what.type))
 
 
-def _candidates(belief: Belief, world: PlanningWorld, what: Object) -> list[str]:
+def _candidates(belief: Belief, what: Object) -> list[str]:
     """List the existing objects that match a designator, or else the one that contains such a substance."""
     existing = [thing.name for thing in _named(belief, what) if thing.name in belief.names()]
     try:
-        bound = belief.bind(what, world.configuration().base)
+        bound = belief.bind(what, _here(belief))
     except ObjectUnresolvable:
         return existing
     return existing or [bound]

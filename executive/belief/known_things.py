@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from itertools import chain
 from typing import Any
 
 import numpy as np
 
-from executive.belief.knowledge import Knowledge, Source
-from executive.belief.memory import Base, Memory
+from executive.belief.memory import VISION, Base, Knowledge, Memory, Recognition, Source
 from executive.belief.obstacles import NAMES
-from executive.belief.recognition import VISION, Recognition
 from executive.maps.classes import MapObject, is_kind
 from executive.maps.contents import is_content
 from executive.maps.semantic_map import SemanticMap, namesakes
@@ -67,7 +66,7 @@ class KnownThings:
         self.joints: dict[str, Articulation] = {joint.leaf: joint for joint in world.scene.joints}
         """Joints of doors, drawers, lids and knobs, by leaf."""
         joints = {leaf: world.joint(leaf) for leaf in self.joints}
-        away, matter = frozenset(NAMES).intersection(poses), world.changes.matter
+        away, matter = frozenset(NAMES).intersection(poses), world.matter
         self.state = WorldState({robot: world.configuration()}, poses, joints, away=away, matter=matter)
         """What is believed to be where; the robot as it was last observed."""
         self.devices = frozenset(control.device for control in world.scene.controls)
@@ -86,10 +85,6 @@ class KnownThings:
     def led(self) -> Mapping[str, str]:
         """Leaf -> link of the hand that moves it."""
         return self.state.led
-
-    def is_gone(self, name: str) -> bool:
-        """Check whether an object is known to have been destroyed."""
-        return name in self.memory.gone
 
     @property
     def _poses(self) -> Mapping[str, Pose]:
@@ -144,10 +139,6 @@ class KnownThings:
         """Look up the pose to which relative locations refer: for a held object, the one before it was grasped."""
         return self.held[name].before if name in self.held else self._poses[name]
 
-    def carried(self) -> frozenset[str]:
-        """Collect the held objects and those that stand on them."""
-        return self.state.carried()
-
     def seen_from_here(self, name: str) -> bool:
         """Check whether an object has been seen since the base last moved, or the map is trusted about it."""
         return (self.trusts_map and name not in self.memory.in_vain) or self.seen(name)
@@ -184,12 +175,12 @@ class KnownThings:
             name = self._find(what, near)
             if name is None:
                 return self._container(what, near)
-            self.memory = self.memory.bind(what, name)
+            self.bound_to(what, name)
         return self.memory.bound[what]
 
     def bound_to(self, what: Object, name: str) -> None:
         """Bind a designator to an object."""
-        self.memory = self.memory.bind(what, name)
+        self.memory = replace(self.memory, bound={**self.memory.bound, what: name})
 
     def of_class(self, what: Object) -> tuple[str, ...]:
         """List the objects of a designator's class, in the order of the map."""

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from executive.belief.belief import Belief
-from executive.belief.knowledge import Source
+from executive.belief.memory import Source
 from executive.maps.classes import MapObject
 from executive.maps.measures import EXTENTS
 from executive.maps.statements import (

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import field, replace
+from enum import Enum
+from typing import NamedTuple
 
-from executive.belief.knowledge import Knowledge, Source
-from executive.belief.recognition import Recognition
 from executive.maps.classes import MapObject
 from planlang.designators import Object
 from planlang.geometry import Pose
+from planlang.ontology import Ontology
 from planlang.records import dataclass
-from planlang.state import Grip
 from planlang.state.matter import without
 
 MOST_FAILURES = 2
@@ -19,6 +19,69 @@ MOST_FAILURES = 2
 plans repeat a step about three times."""
 Base = tuple[float, float, float]
 """Pose of the base in the map (x [m], y [m], yaw [rad])."""
+
+
+VISION, EXPLORATION = "vision", "exploration"
+
+
+@dataclass(frozen=True, slots=True)
+class Recognition:
+    """State of the software components; a component runs until it is stopped."""
+
+    ontology: Ontology = field(repr=False)
+    classes: tuple[str, ...] | None = None
+    """IRIs of the recognised classes; None for all."""
+    stopped: tuple[str, ...] = ()
+    """Components that were stopped, in that order."""
+
+    def running(self, part: str) -> Recognition:
+        """Make the state in which a component runs."""
+        return replace(self, stopped=tuple(one for one in self.stopped if one != part))
+
+    def without(self, part: str) -> Recognition:
+        """Make the state in which a component is stopped."""
+        return replace(self, stopped=(*self.running(part).stopped, part))
+
+    def runs(self, part: str) -> bool:
+        """Check whether a component runs."""
+        return part not in self.stopped
+
+    def with_models(self, classes: Iterable[str]) -> Recognition:
+        """Make the state in which models of further classes (IRIs) have been loaded."""
+        return self if self.classes is None else replace(self, classes=tuple(dict.fromkeys((*self.classes, *classes))))
+
+    def recognises(self, thing: MapObject) -> bool:
+        """Check whether an object would be recognised in an image."""
+        if not self.runs(VISION):
+            return False
+        return self.classes is None or self.ontology.any_is_a(thing.types, self.classes)
+
+    def may_recognise(self, classes: Iterable[str]) -> bool:
+        """Check whether there is a model of one of some classes (IRIs), or of a superclass or subclass."""
+        loaded, is_a = self.classes, self.ontology.is_a
+        return loaded is None or any(is_a(one, cls) or is_a(cls, one) for one in classes for cls in loaded)
+
+
+class Source(Enum):
+    """Source of a believed pose."""
+
+    MAP = "map"
+    TOLD = "told"
+    """The map, if the user trusts it (--trust-map)."""
+    SEEN = "seen"
+    FELT = "felt"
+    DONE = "done"
+    """The robot's own action: it released, pushed or lost the object there."""
+
+
+class Knowledge(NamedTuple):
+    """Source and age of an object's pose."""
+
+    source: Source
+    time: float = 0.0
+    """Plan time at which the pose became known [s]."""
+    moves: int = 0
+    """Number of motions of the base before that."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,27 +138,10 @@ class Memory:
         """Know the poses of objects from a source, from now on."""
         return replace(self, known={**self.known, **dict.fromkeys(names, Knowledge(source, self.time, self.moves))})
 
-    def saw(self, name: str) -> Memory:
-        """Know the pose of an object from the camera."""
-        return replace(self.learned((name,), Source.SEEN), in_vain=without(self.in_vain, name))
-
-    def not_seen(self, name: str, base: Base) -> Memory:
-        """Remember from where an object was looked for in vain."""
-        return replace(self, in_vain={**self.in_vain, name: (*self.in_vain.get(name, ()), base)})
-
     def without_place(self, name: str) -> Memory:
         """Forget where an object was; its designators may be bound to others."""
         bound = {what: meant for what, meant in self.bound.items() if meant != name}
         return replace(self, known=without(self.known, name), bound=bound)
-
-    def lost_sight(self, name: str, pose: Pose) -> Memory:
-        """Remember that an object is not where it was believed to be."""
-        forgotten = self.without_place(name)
-        return replace(forgotten, unknown={**self.unknown, name: pose}, in_vain=without(self.in_vain, name))
-
-    def found(self, name: str) -> Memory:
-        """Remember that the place of an object is known again."""
-        return replace(self, unknown=without(self.unknown, name))
 
     def destroyed(self, name: str) -> Memory:
         """Remember that an object exists no more."""
@@ -109,28 +155,6 @@ class Memory:
         """Remember that the state of a leaf or device is as the robot itself has seen, felt or set it."""
         return self if name in self.witnessed else replace(self, witnessed=self.witnessed | {name})
 
-    def doubts(self, name: str) -> Memory:
-        """Remember that the state of a leaf or device may have changed."""
-        return replace(self, witnessed=self.witnessed - {name})
-
-    def bind(self, what: Object, name: str) -> Memory:
-        """Let a designator stand for an object."""
-        return replace(self, bound={**self.bound, what: name})
-
-    def grasped(self, name: str, arm: str) -> Memory:
-        """Forget what an arm had lost and how its hand failed, and that any arm had lost what it holds now."""
-        left = {one: lost for one, lost in self.dropped.items() if one != arm and lost != name}
-        return replace(self, dropped=left, failing=without(self.failing, arm))
-
     def dropping(self, name: str, arms: Collection[str]) -> Memory:
         """Remember which arms have lost an object."""
         return replace(self, dropped={**self.dropped, **dict.fromkeys(arms, name)})
-
-    def refusing(self, name: str, grip: Grip) -> Memory:
-        """Rule out a grip of an object."""
-        offsets = (*self.refused.get(name, ()), *(hand.offset for hand in grip.hands))
-        return replace(self, refused={**self.refused, name: offsets})
-
-    def allowing(self, name: str) -> Memory:
-        """Rule out no grip of an object any more."""
-        return replace(self, refused=without(self.refused, name))

@@ -73,8 +73,7 @@ class OwnView:
     def hidden_by(self, solids: Solids, bases: Array, block: Block) -> NDArray[np.bool_]:
         """Mark the base poses (n, 3) from which other bodies' pieces surely hide an object, (n,)."""
         c, s = np.cos(bases[:, 2]), np.sin(bases[:, 2])
-        dx, dy = block.x - bases[:, 0], block.y - bases[:, 1]
-        points = np.stack([c * dx + s * dy, c * dy - s * dx, np.full(len(bases), block.centre[2])], axis=1)
+        points = np.column_stack([_seen_from(bases, block), np.full(len(bases), block.centre[2])])
         x, y, z = self.gaze.at_all(points)[1].T
         eyes = np.stack([bases[:, 0] + c * x - s * y, bases[:, 1] + s * x + c * y, z], axis=1)
         lines = _lines(eyes, np.tile(block.centre, (len(bases), 1)), block)
@@ -96,6 +95,13 @@ def _lines(eyes: Array, points: Array, block: Block) -> tuple[Array, Array]:
     return starts.reshape(-1, 3), ends.reshape(-1, 3)
 
 
+def _seen_from(bases: Array, block: Block) -> Array:
+    """Positions (n, 2) of a block in the frames of base poses (n, 3)."""
+    c, s = np.cos(bases[:, 2]), np.sin(bases[:, 2])
+    dx, dy = block.x - bases[:, 0], block.y - bases[:, 1]
+    return np.stack([c * dx + s * dy, c * dy - s * dx], axis=1)
+
+
 def _share(free: NDArray[np.bool_], count: int) -> Array:
     """Compute the share of free lines (count,) for each of ``count`` positions."""
     return np.asarray(free.reshape(count, -1).mean(axis=1))
@@ -111,9 +117,7 @@ class Unseen:
     def __call__(self, bases: Array) -> NDArray[np.bool_]:
         """Mark base poses (n, 3), (n,)."""
         block = self._block
-        c, s = np.cos(bases[:, 2]), np.sin(bases[:, 2])
-        dx, dy = block.x - bases[:, 0], block.y - bases[:, 1]
-        cells = np.rint(np.stack([c * dx + s * dy, c * dy - s * dx], axis=1) / CELL).astype(np.int64) + HALF
+        cells = np.rint(_seen_from(bases, block) / CELL).astype(np.int64) + HALF
         keys, index = np.unique(2 * HALF * cells[:, 0] + cells[:, 1], return_inverse=True)
         fresh = np.array([key for key in keys.tolist() if key not in self._known], np.int64)
         if len(fresh):
@@ -167,10 +171,6 @@ class Visibility(ScenePart):
         """Look up the distances between which the camera recognises objects [m]."""
         camera = self._robot.camera
         return (0.0, 0.0) if camera is None else (camera.near, camera.far)
-
-    def looked_in_vain(self, name: str) -> Sequence[BasePose]:
-        """List the base poses from which a body was looked for and not seen."""
-        return self._belief.looked_in_vain(name)
 
     def own_view(self) -> OwnView | None:
         """Compute the view that the robot's body leaves its camera in the current posture; None without a camera."""
@@ -291,11 +291,6 @@ class PlanningScene:
     def base(self) -> BasePose:
         """Look up the pose of the base."""
         return self.world.configuration().base
-
-    @property
-    def base_radius(self) -> float:
-        """Radius of the base's outline [m]."""
-        return self.robot.base.radius
 
     def spare_payload(self, body: str) -> float:
         """Compute how much may be added to a body that hands carry, or to what is on one [kg]; inf if none does."""

@@ -18,7 +18,7 @@ from executive.belief.scene_part import Kept, ScenePart
 from executive.motion import Boxes, Grid, QuickCheck
 from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room, links_of
 from executive.motion.bodies import Solids
-from executive.motion.clearance import EVERY, LACKING, SPARE, Band, Drivable, drivable, free_poses, outlines
+from executive.motion.clearance import EVERY, LACKING, SPARE, Drivable, drivable, free_poses, outlines
 from executive.robots import Gripper
 from executive.robots.arms import ArmModel, RobotModel
 from executive.robots.openings import Fingers
@@ -106,7 +106,7 @@ class SceneCollisions(ScenePart):
         self._links = frozenset(world.robot.solid_names)
         self._rest = {arm.name: self._links - self._own_links(arm) for arm in model.arms}
         links, root = links_of(world), model.robot.base_link
-        self._chains = {arm.name: ArmShapes(world, links, arm.solver.chain, root, arm.tip) for arm in model.arms}
+        self._chains = {arm.name: ArmShapes(world, links, arm.chain, root, arm.tip) for arm in model.arms}
         self._checks: Kept[dict[object, QuickCheck]] = Kept()
         self._obstacles: Kept[Room] = Kept()
         self._near: Kept[Room] = Kept()
@@ -120,13 +120,8 @@ class SceneCollisions(ScenePart):
 
     def floor(self) -> Floor:
         """Compute the floor that is free for the base, with the robot's body as it is now, without its arms."""
-
-        def compute() -> Floor:
-            arms = [name for arm in self._robot.arms for name in arm.joints]
-            shapes = outlines(self._world.outlines(arms))
-            return Floor(self.obstacles(), self._world.silhouette(arms), shapes, self._world.scene.bounds)
-
-        return self._floor.of((self._state(), self._posture()), compute)
+        arms = [name for arm in self._robot.arms for name in arm.joints]
+        return self._floor.of((self._state(), self._posture()), lambda: self.whole(arms))
 
     def floor_without(self, body: str) -> Floor:
         """Compute the floor that would be free for the base without a body."""
@@ -175,10 +170,10 @@ class SceneCollisions(ScenePart):
 
         return cache.of((floor, current.base), compute)
 
-    def whole(self) -> Floor:
-        """Compute the floor that is free for the base, with the robot's body and arms as they are now."""
-        shapes = outlines(self._world.outlines())
-        return Floor(self.obstacles(), self.silhouette(), shapes, self._world.scene.bounds)
+    def whole(self, without: Sequence[str] = ()) -> Floor:
+        """Compute the floor that is free for the base, with the robot as it is now, but for what some joints move."""
+        shapes = outlines(self._world.outlines(without))
+        return Floor(self.obstacles(), self._world.silhouette(without), shapes, self._world.scene.bounds)
 
     def closes_way(self, place: Array, within: float, fixed: Collection[str] = ()) -> str | None:
         """Find the body without which the base could reach most additional floor ``within`` [m] of a position (2,).
@@ -220,13 +215,6 @@ class SceneCollisions(ScenePart):
         """List the convex pieces of all bodies that are not held."""
         return self._of_bodies()[1]
 
-    def silhouette(self) -> tuple[Band, ...]:
-        """Compute the bands of height with the radius that the robot sweeps when it turns in its current posture.
-
-        Held objects are included.
-        """
-        return self._world.silhouette()
-
     def _of_bodies(self) -> tuple[Boxes, Solids]:
         """Compute the pieces of all bodies that are not held, and boxes around them."""
 
@@ -267,10 +255,15 @@ class SceneCollisions(ScenePart):
         if arm is None or q is None:
             contacts = self._world.contacts(Configuration(base, current), ("base",), among=among)
             return contacts if among is not None else (*contacts, *self._own_contacts(current))
-        joints = {**current, **dict(fingers), **dict(zip(arm.joints, map(float, q), strict=True))}
+        joints = self._joined(arm, q, fingers)
         ignore = [(link, touches) for link in sorted(self.touching_links(arm))] if touches is not None else []
         moving = (*arm.joints, *(name for name, _ in fingers))
         return self._world.contacts(Configuration(base, joints), moving, ignore=ignore, among=among)
+
+    def _joined(self, arm: ArmModel, q: Array, fingers: Fingers) -> dict[str, float]:
+        """All joint positions, those of an arm at ``q`` (d,) and of its fingers at others."""
+        joints = self._world.configuration().joints
+        return {**joints, **dict(fingers), **dict(zip(arm.joints, map(float, q), strict=True))}
 
     def _own_contacts(self, joints: Mapping[str, float]) -> tuple[Contact, ...]:
         """Compute self-collisions of the robot with its held objects, which do not depend on the base pose."""
@@ -286,8 +279,7 @@ class SceneCollisions(ScenePart):
         gripper = arm.gripper
         if gripper is None:
             return None
-        joints = dict(self._world.configuration().joints) | dict(zip(arm.joints, map(float, q), strict=True))
-        joints |= fingers
+        joints = self._joined(arm, q, fingers)
         steps = _closing(gripper, fingers)
         links = [self._world.robot.moved_by(name) for name in gripper.joints]
         independent = len(frozenset[int]().union(*links)) == sum(map(len, links))
@@ -324,8 +316,7 @@ class SceneCollisions(ScenePart):
         gripper = arm.gripper
         if gripper is None:
             return None
-        joints = dict(self._world.configuration().joints) | dict(zip(arm.joints, map(float, q), strict=True))
-        joints |= fingers
+        joints = self._joined(arm, q, fingers)
         return joints if self._close(base, joints, _closing(gripper, fingers), around) is None else None
 
     def _distance(self, name: str, point: Array) -> float:

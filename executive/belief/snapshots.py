@@ -1,26 +1,37 @@
-"""Believed state and memory as JSON, for resuming a run in the world as it was left."""
+"""Believed state and memory as JSON, for resuming a run in the world as it was left; numbers survive exactly."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from executive.belief.knowledge import Knowledge, Source
-from executive.belief.memory import Memory
+from executive.belief.memory import Knowledge, Memory, Source
 from executive.belief.obstacles import NAMES
 from executive.maps.classes import MapObject
 from planlang.geometry import Pose
 from planlang.runs.codec import dump, load
-from planlang.state import Grip, Hold, WorldState
+from planlang.state import Grip, Hold, Made, Matter, WorldState
 from sim.joints import Articulation
 
+FARTHEST = 1e4
+"""Largest plausible coordinate [m]: ten kilometres, farther than any map."""
+UNIT = 1e-3
+"""Largest error of a quaternion's norm: poses written by planlang come back to the last digit."""
 
-def dump_belief(state: WorldState, memory: Memory) -> dict[str, Any]:
-    """Convert what is believed to JSON; poses that equal the first ones are left out.
 
-    Robots and matter are no part of it.
-    """
+def dump_belief(state: WorldState, memory: Memory, revision: int) -> dict[str, Any]:
+    """Convert what is believed to JSON; poses that equal the first ones are left out. Robots are no part of it."""
+    made = [
+        [name, one.type, "cylinder" if one.is_round else "box", list(one.size), [*one.at.position, *one.at.orientation]]
+        for name, one in state.made.items()
+    ]
+    things = {"created": made, "matter": state.matter.snapshot()}
+    return {"belief": {"revision": revision, **_beliefs(state, memory)}, "things": things}
+
+
+def _beliefs(state: WorldState, memory: Memory) -> dict[str, Any]:
     reserve = state.away.intersection(NAMES)
     return {
         "made": [
@@ -53,12 +64,26 @@ def dump_belief(state: WorldState, memory: Memory) -> dict[str, Any]:
 
 
 def load_belief(
-    left: Mapping[str, Any], state: WorldState, memory: Memory, joints: Mapping[str, Articulation]
-) -> tuple[WorldState, Memory]:
+    snapshot: Mapping[str, Any], state: WorldState, memory: Memory, joints: Mapping[str, Articulation]
+) -> tuple[WorldState, Memory, int]:
     """Restore what was believed by :func:`dump_belief`, in a run that begins with a state and a memory.
 
-    Raises ValueError if it belongs to another map; KeyError, TypeError, ValueError or AttributeError if it is damaged.
+    Raises ValueError if it is damaged or belongs to another map.
     """
+    try:
+        left, things = snapshot["belief"], snapshot["things"]
+        known = memory.first.keys() - memory.made.keys()
+        made = dict(_made_of(things["created"], known))
+        matter = Matter.of(things["matter"], (*known, *made))
+        state, memory = _load(left, replace(state, made=made, matter=matter), memory, joints)
+        return state, memory, int(left["revision"])
+    except (KeyError, TypeError, AttributeError) as problem:
+        raise ValueError(f"the state of the belief is damaged: {problem!r}") from None
+
+
+def _load(
+    left: Mapping[str, Any], state: WorldState, memory: Memory, joints: Mapping[str, Articulation]
+) -> tuple[WorldState, Memory]:
     classes = left["recognition"]["classes"]
     memory = Memory(
         replace(
@@ -147,3 +172,30 @@ def _pose(state: object) -> Pose:
     if not isinstance(pose, Pose):
         raise ValueError(f"a pose is expected, not {pose!r}")
     return pose
+
+
+def _made_of(left: Any, known: Collection[str]) -> Iterator[tuple[str, Made]]:
+    for name, type, _, size, pose in left:
+        if not isinstance(name, str) or name in known:
+            raise ValueError(f"{name!r} is no name for a created body, or is already in use")
+        x, y, z = _numbers(size, 3)
+        if min(x, y, z) <= 0:
+            raise ValueError(f"expected a size, got {size!r}")
+        yield name, Made(str(type), (x, y, z), _unit_pose(pose))
+
+
+def _unit_pose(left: object) -> Pose:
+    x, y, z, a, b, c, d = _numbers(left, 7)
+    if abs(math.hypot(a, b, c, d) - 1.0) > UNIT:
+        raise ValueError(f"expected a unit quaternion, got {[a, b, c, d]!r}")
+    return Pose((x, y, z), (a, b, c, d))
+
+
+def _numbers(left: object, count: int) -> list[float]:
+    if not isinstance(left, list) or len(left) != count:
+        raise ValueError(f"expected {count} numbers, got {left!r}")
+    if not all(type(value) in (int, float) and math.isfinite(value) for value in left):
+        raise ValueError(f"expected finite numbers, got {left!r}")
+    if any(abs(value) > FARTHEST for value in left):
+        raise ValueError(f"expected numbers up to {FARTHEST:g}, got {left!r}")
+    return left

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.looking_once import once
-from executive.locations.questions import Question
+from executive.locations.questions import Question, once
 from executive.locations.rejections import NO_ROOM, NO_WAY, Rejections, first_body
 from planlang.geometry import Array
 

@@ -26,8 +26,7 @@ from executive.locations.hand_solutions import (
     base_matrices,
     solve,
 )
-from executive.locations.looking_once import as_keys, once
-from executive.locations.questions import BETWEEN, Question, SearchBudget
+from executive.locations.questions import BETWEEN, Question, SearchBudget, as_keys, once
 from executive.locations.reachability import CELL
 from executive.locations.rejections import COLLISION, NO_HOLD, NO_ROOM, NOT_LOOKED_AT, NOT_VISIBLE, Reason
 from executive.locations.validation import PLACES, BaseValidator, SelfOcclusion
@@ -44,6 +43,10 @@ AT_ONCE = 2048
 """Largest number of base poses tested for room at once."""
 TRAVEL = 8.0
 """Distance over which a base pose loses most of its score [m]."""
+
+
+Solved = tuple[int, HandSolution, bool]
+"""Row of a candidate, its solution, and whether what has to be visible is surely hidden from there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,37 +179,38 @@ class CandidateSearch:
         elif isinstance(answer, str) and self._spec.budget is not BETWEEN:  # only map rows identify a posture
             self._self_colliding[self._posture(row)] = Reason(COLLISION, answer)
 
-    def _open(self) -> Iterator[tuple[int, HandSolution, bool]]:
-        """Yield candidates that nothing known rules out, those similar to failed ones last.
-
-        With each, whether what has to be visible is surely hidden.
-        """
-        spec = self._spec
-        postponed: list[tuple[int, HandSolution, bool]] = []
-        for row, solution, first, missed in self._solved_candidates(postponed):
-            if missed and not self._wants_blind():
-                self._undecided[row] = False
+    def _open(self) -> Iterator[Solved]:
+        """Yield candidates that nothing known rules out, those similar to failed ones last."""
+        postponed: list[Solved] = []
+        for one in self._solved_candidates():
+            if self._is_ruled_out(one):
                 continue
-            taken = spec.is_taken is not None and spec.is_taken(self._place(row))
-            if taken or self._are_hopeless(np.array([row]))[0] or not self._poses.have_way(self._bases[[row]])[0]:
-                self._undecided[row] = False
-                continue
+            row, _, missed = one
             base = self._bases[row]
             # what stopped the arm there most likely stops it a few centimetres beside; if nothing else is left, they
             # are validated after all
-            similar = first and self._failed_poses.near(self._key(row)[0], base, self._heading(row))
-            if similar or (first and not missed and self._occlusion.covers(base)):
-                postponed.append((row, solution, missed))
-                continue
-            yield row, solution, missed
+            similar = self._failed_poses.near(self._key(row)[0], base, self._heading(row))
+            if similar or (not missed and self._occlusion.covers(base)):
+                postponed.append(one)
+            else:
+                yield one
+        if self._spec.budget.fine:
+            yield from (one for one in postponed if not self._is_ruled_out(one))
 
-    def _solved_candidates(
-        self, postponed: list[tuple[int, HandSolution, bool]]
-    ) -> Iterator[tuple[int, HandSolution, bool, bool]]:
-        """Yield candidates that pass inverse kinematics with collision spheres, then those postponed meanwhile.
+    def _is_ruled_out(self, one: Solved) -> bool:
+        """Check whether a candidate that is solved is of no use after all, by what has become known since."""
+        (row, _, missed), is_taken = one, self._spec.is_taken
+        here = np.array([row])
+        self._undecided[row] = not (
+            (missed and not self._wants_blind())
+            or (is_taken is not None and is_taken(self._place(row)))
+            or self._are_hopeless(here)[0]
+            or not self._poses.have_way(self._bases[here])[0]
+        )
+        return not self._undecided[row]
 
-        With each, whether it comes for the first time, and whether what has to be visible is surely hidden.
-        """
+    def _solved_candidates(self) -> Iterator[Solved]:
+        """Yield candidates that pass inverse kinematics with collision spheres."""
         undecided, known = self._undecided, self._findings
         for rows in self._roomy_blocks():
             if known.allowance.solved <= 0:
@@ -227,10 +231,7 @@ class CandidateSearch:
                 number, candidate = self._key(row)
                 arm, candidates, _ = self._hands[number]
                 solution = HandSolution(self._spec.wanted[0], arm, candidates.plan(candidate), joints[row])
-                yield row, solution, True, unseen
-        if self._spec.budget.fine:
-            for row, solution, unseen in postponed:
-                yield row, solution, False, unseen
+                yield row, solution, unseen
 
     def _left(self, rows: NDArray[np.intp], good: NDArray[np.bool_]) -> NDArray[np.intp]:
         """Select the good ones of some candidates; the others are decided."""

@@ -128,8 +128,6 @@ class Changes:
         """Pose of the thing displaced to a side, rounded as reported: a user will write what was tested."""
         pose = self.scene.bodies.pose(self.body)
         x, y, z = pose.position
-        if not step:
-            return pose
         return replace(pose, position=(round(x + step * float(side[0]), 2), round(y + step * float(side[1]), 2), z))
 
     def _without(self) -> str:
@@ -137,7 +135,7 @@ class Changes:
         fixed = {*with_supports({self.body, *self._needed}, bodies), *filter(bodies.is_room, bodies.names())}
         joints = self.scene.belief.joints.values()
         fixed |= {name for joint in joints if self.body in joint.bodies for name in joint.bodies}
-        fixed |= {*(joint.holder for joint in joints if joint.holder is not None), *self.scene.belief.carried()}
+        fixed |= {*(joint.holder for joint in joints if joint.holder is not None), *self.scene.belief.state.carried()}
         blocking = [name for name in self.log.ordered_blocking() if name not in fixed and name in bodies.names()]
         for name in blocking[:MOST_TRIED]:
             leaf, riders = self.scene.belief.joints.get(name), self.scene.world.standing_on(name)

@@ -122,7 +122,7 @@ def base_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Bas
                 hand = replace(hand, grasp=location.grasp)
             (unreached if relation.negated else reaches)[hand] = None
             continue
-        match kind.base(_bound(relation, "base", scene, viewer), scene.bodies, scene.base_radius):
+        match kind.base(_bound(relation, "base", scene, viewer), scene.bodies, scene.robot.base.radius):
             case Reach() as reach:
                 (unreached if relation.negated else reaches)[_by_arms(reach, location, scene.arms)] = None
             case See(body):

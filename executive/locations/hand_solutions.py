@@ -18,7 +18,7 @@ from executive.locations.base_candidates import blocks
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates, Hand, HandPoses, upright
 from executive.locations.grasps_from_above import is_low
 from executive.locations.inverse_maps import InverseMaps
-from executive.locations.looking_once import once
+from executive.locations.questions import once
 from executive.locations.rejections import COLLISION, NO_HOLD, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.motion import QuickCheck, cartesian_path
 from executive.robots.arms import ArmModel
@@ -141,14 +141,14 @@ def solve(
     alive = np.arange(count)
     if slack is not None:
         alive = without_reason(alive, _in_the_way(_blocked(seeds[:, :1], bases, check, slack)))
-    q, solved = arm.solver.solve(targets[alive, candidates.key], seeds[alive])
+    q, solved = arm.chain.solve(targets[alive, candidates.key], seeds[alive])
     joints[alive, candidates.key] = q
     alive = without_reason(alive, (None if good else OUT_OF_REACH for good in solved.tolist()))
     others = [step for step in range(steps) if step != candidates.key]
     if others and len(alive):
         goals = targets[alive][:, others].reshape(-1, 4, 4)
         starts = np.repeat(joints[alive, candidates.key], len(others), axis=0)
-        other_joints, good = arm.solver.solve(goals, starts[:, None])
+        other_joints, good = arm.chain.solve(goals, starts[:, None])
         good &= np.abs(other_joints - starts).max(axis=1) <= FARTHEST
         joints[alive[:, None], others] = other_joints.reshape(len(alive), len(others), -1)
         whole = good.reshape(len(alive), len(others)).all(axis=1)
@@ -293,7 +293,7 @@ class Trial:
         poses = product(inverse(base_matrices(np.array([self.base]))[0]), one.plan.poses)
         q, rows = one.joints[0], [one.joints[:0]]
         for begin, end in pairwise(poses):
-            line = cartesian_path(one.arm.solver, q, begin, end, lambda _: True)
+            line = cartesian_path(one.arm.chain, q, begin, end, lambda _: True)
             if line.waypoints is None:
                 return None
             rows.append(line.waypoints[1:])

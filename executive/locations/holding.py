@@ -228,7 +228,7 @@ class _Hand:
 
     def _stretched(self) -> Array:
         """Choose joint values (d,) of the arm with the hand far from the robot's body, free of contact if possible."""
-        chain = self.model.solver.chain
+        chain = self.model.chain
         rows = np.concatenate([self.model.seeds, chain.sample(np.random.default_rng(0), POSTURES)])
         tips = chain.fk(rows)[:, :3, 3]
         far = np.hypot(tips[:, 0], tips[:, 1]) + np.minimum(tips[:, 2], self.model.shoulder_high[2])

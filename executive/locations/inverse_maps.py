@@ -174,7 +174,7 @@ class InverseMaps:
         """Get the map of an arm and grasp class."""
         key = (arm.name, grasp)
         if key not in self._known:
-            facts = (arm.solver.chain.digest, arm.lift, arm.frame, arm.seeds.tobytes(), grasp)
+            facts = (arm.chain.digest, arm.lift, arm.frame, arm.seeds.tobytes(), grasp)
             if facts not in _prepared:
                 while len(_prepared) >= MOST_MAPS:
                     del _prepared[next(iter(_prepared))]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from executive.belief.knowledge import Source
+from executive.belief.memory import Source
 from executive.belief.scene_collisions import BasePose
 from executive.locations.demands import BaseDemand
 from executive.locations.floor_search import FloorSearch

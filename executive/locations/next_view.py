@@ -107,7 +107,7 @@ class Exploration:
     @property
     def extent(self) -> tuple[float, float]:
         """Height of the robot in its posture, and the radius of its base with clearance [m]."""
-        return max(high for _, high, _ in self.scene.collisions.silhouette()), self.scene.robot.base.radius + ROOM
+        return max(high for _, high, _ in self.scene.world.silhouette()), self.scene.robot.base.radius + ROOM
 
     # Views from the present place
 

@@ -5,7 +5,11 @@ Budgets are used one after the other until something is found.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import field, replace
+from typing import TypeVar
+
+import numpy as np
 
 from executive.locations.base_candidates import Inversion
 from executive.locations.grasp_candidates import Hand
@@ -127,3 +131,20 @@ class Question:
     def uncounted(self) -> Question:
         """Copy the question with an empty log, for candidates that were counted already."""
         return replace(self, log=self.log.uncounted())
+
+
+T = TypeVar("T")
+
+
+def as_keys(rows: Array) -> list[bytes]:
+    """Convert rows (n, k) to hashable values."""
+    keys: list[bytes] = np.ascontiguousarray(rows).view(f"V{rows.itemsize * rows.shape[1]}").ravel().tolist()
+    return keys
+
+
+def once(known: dict[bytes, T], rows: Array, find: Callable[[Array], Sequence[T]]) -> list[T]:
+    """Look up results about rows (n, k); ``find`` computes those that are not ``known``."""
+    keys = as_keys(rows)
+    if new := {key: number for number, key in enumerate(keys) if key not in known}:
+        known.update(zip(new, find(rows[list(new.values())]), strict=True))
+    return [known[key] for key in keys]

@@ -39,7 +39,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from executive.motion import Chain, InverseKinematics
+from executive.motion import Chain
 from executive.robots.arms import ArmModel, HandFrame
 from planlang.geometry import Array
 from planlang.records import dataclass
@@ -88,7 +88,7 @@ class GraspClass(Enum):
 
 def carried(arm: ArmModel) -> Chain:
     """Chain of an arm with its lift locked at the lowest position."""
-    chain = arm.solver.chain
+    chain = arm.chain
     return chain if arm.lift is None else chain.locked({arm.lift.joint: arm.lift.lowest})
 
 
@@ -97,7 +97,7 @@ def is_bound(arm: ArmModel) -> bool:
 
     The stages of a telescope are one freedom together.
     """
-    return arm.solver.chain.mobility(still=None if arm.lift is None else arm.lift.column) < 6
+    return arm.chain.mobility(still=None if arm.lift is None else arm.lift.column) < 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +128,9 @@ class ReachabilityMap:
             level = round(z / CELL)
             return ((0.0, level, 0),) if len(self.level(level)) else ()
         most = float(self.arm.lift.rise(self.arm.lift.highest))
-        levels = range(math.ceil((z - most) / CELL - 1e-9), math.floor(z / CELL + 1e-9) + 1)
+        # sampled rows are up to half a step off the level that they count to
+        spare = LEVELLED / 2 / CELL if is_bound(self.arm) else 1e-9
+        levels = range(math.ceil((z - most) / CELL - spare), math.floor(z / CELL + spare) + 1)
         found = [(z - CELL * level, level, 0) for level in levels if self._has(level, 0)]
         if not len(levels):  # it rises by less than a cell
             nearest = round((z - most / 2) / CELL)
@@ -177,8 +179,9 @@ class ReachabilityMap:
         if len(new):
             near, lift = self.postures[self.rows["posture"][new]], self.arm.lift
             # each converged when the map was built
-            solver = InverseKinematics(carried(self.arm))
-            self._solved[new], _ = solver.solve(self.poses(new, 0.0 if lift is None else lift.lowest), near[:, None])
+            self._solved[new], _ = carried(self.arm).solve(
+                self.poses(new, 0.0 if lift is None else lift.lowest), near[:, None]
+            )
             self._is_solved[new] = True
         return self._solved[rows]
 

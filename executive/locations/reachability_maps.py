@@ -41,7 +41,7 @@ from executive.locations.reachability import (
     rows_of,
     sampled,
 )
-from executive.motion import Chain, InverseKinematics
+from executive.motion import Chain
 from executive.robots.arms import ArmModel, HandFrame
 from planlang.cache import Cache, sealed, unsealed
 from planlang.files import Bundled
@@ -143,7 +143,7 @@ def blocks(rows: Rows, arm: ArmModel) -> NDArray[np.int64]:
 def _shared(full: ReachabilityMap, share: Share) -> ReachabilityMap:
     """Return the same map with as few postures as the rows of a block need."""
     rows, q, chain = full.rows, full.postures, carried(full.arm)
-    solver, block = InverseKinematics(chain), blocks(rows, full.arm)
+    block = blocks(rows, full.arm)
     poses = full.poses(np.arange(len(rows)), 0.0 if full.arm.lift is None else full.arm.lift.lowest)
     alone = _scores(chain, q)
     scores, owner, left = alone.copy(), np.arange(len(rows)), np.arange(len(rows))
@@ -154,7 +154,7 @@ def _shared(full: ReachabilityMap, share: Share) -> ReachabilityMap:
         own = order[best[group]]
         begun = 1 - len(left) / len(rows)
         usual = part(share, begun, begun + USUALLY_SHARED * (1 - begun))
-        tried, solved = _in_parts(solver, poses[order], q[own][:, None], usual)
+        tried, solved = _in_parts(chain, poses[order], q[own][:, None], usual)
         gained = _scores(chain, tried)
         kept = (order == own) | (solved & (gained >= WORTH * alone[order]))
         owner[order[kept]], scores[order[kept]], reached[order[kept]] = own[kept], gained[kept], solved[kept]
@@ -223,8 +223,8 @@ def _lattice_rows(
     arm: ArmModel, chain: Chain, grasp: GraspClass, floor: float, share: Share
 ) -> list[tuple[Rows, Array]]:
     """Return rows and joint values of each roll."""
-    solver, rng = InverseKinematics(chain), np.random.default_rng(0)
-    columns = [arm.solver.chain.names.index(name) for name in chain.names]
+    rng = np.random.default_rng(0)
+    columns = [arm.chain.names.index(name) for name in chain.names]
     tips = chain.fk(chain.sample(rng, SAMPLES))[:, :3, 3]
     lowest = np.maximum(tips.min(axis=0), (-np.inf, -np.inf, floor))
     ends = np.floor(lowest / CELL), np.ceil(tips.max(axis=0) / CELL)
@@ -232,7 +232,7 @@ def _lattice_rows(
     for number, roll in enumerate(grasp.rolls):
         own = part(share, number / len(grasp.rolls), (number + 1) / len(grasp.rolls))
         lattice = _Lattice.around(arm, grasp, roll, ends)
-        q, solved = _solved(lattice, solver, arm.seeds[:, columns], rng, own)
+        q, solved = _solved(lattice, chain, arm.seeds[:, columns], rng, own)
         index = np.flatnonzero(solved)
         yaw, *cells = np.unravel_index(index, lattice.shape)
         rows = np.zeros(len(index), ROW)
@@ -270,10 +270,9 @@ def _goes_straight(arm: ArmModel, chain: Chain, q: Array) -> NDArray[np.bool_]:
 
 
 def _solved(
-    lattice: _Lattice, solver: InverseKinematics, postures: Array, rng: np.random.Generator, share: Share
+    lattice: _Lattice, chain: Chain, postures: Array, rng: np.random.Generator, share: Share
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return joint values (all, d) and which poses have some."""
-    chain = solver.chain
     count = math.prod(lattice.shape)
     q = np.zeros((count, chain.dof), np.float32)
     solved = np.zeros(count, np.bool_)
@@ -282,7 +281,7 @@ def _solved(
     coarse = coarse[chain.may_reach(lattice.poses(coarse))]
     seeds = np.concatenate([postures, chain.sample(rng, RESTARTS)])
     starts = np.broadcast_to(seeds, (len(coarse), *seeds.shape))
-    tried, ok = _in_parts(solver, lattice.poses(coarse), starts, part(share, 0, COARSELY))
+    tried, ok = _in_parts(chain, lattice.poses(coarse), starts, part(share, 0, COARSELY))
     added = coarse[ok]
     q[added], solved[added], score[added] = tried[ok], True, _scores(chain, tried[ok])
     likely = max(1, len(added) * COARSE**4)
@@ -291,7 +290,7 @@ def _solved(
         for at, other in lattice.neighbours(added):
             open_ = ~solved[other]
             source, goal = added[at[open_]], other[open_]
-            tried, ok = solver.solve(lattice.poses(goal), q[source][:, None].astype(float))
+            tried, ok = chain.solve(lattice.poses(goal), q[source][:, None].astype(float))
             reached = goal[ok]
             q[reached], solved[reached], score[reached] = tried[ok], True, _scores(chain, tried[ok])
             fresh.append(reached)
@@ -302,7 +301,7 @@ def _solved(
         share(SPREAD + (1 - SPREAD) * number / 8)
         better = solved[other] & (score[other] > 1.2 * score[done[at]])
         goal, source = done[at[better]], other[better]
-        tried, ok = solver.solve(lattice.poses(goal), q[source][:, None].astype(float))
+        tried, ok = chain.solve(lattice.poses(goal), q[source][:, None].astype(float))
         goal, tried = goal[ok], tried[ok]
         gained = _scores(chain, tried)
         up = gained > score[goal]
@@ -310,11 +309,11 @@ def _solved(
     return q, solved
 
 
-def _in_parts(solver: InverseKinematics, poses: Array, seeds: Array, share: Share) -> tuple[Array, NDArray[np.bool_]]:
+def _in_parts(chain: Chain, poses: Array, seeds: Array, share: Share) -> tuple[Array, NDArray[np.bool_]]:
     """Solve for many poses (m, 4, 4) from seeds (m, s, d), whose solutions do not depend on each other."""
     found = []
     for number, some in enumerate(np.array_split(np.arange(len(poses)), PARTS)):
-        found.append(solver.solve(poses[some], seeds[some]))
+        found.append(chain.solve(poses[some], seeds[some]))
         share((number + 1) / PARTS)
     tried, solved = zip(*found, strict=True)
     return np.concatenate(tried), np.concatenate(solved)

@@ -133,7 +133,7 @@ class Standing:
         """List the links of arms, and what they hold."""
         names = {arm.name for arm in arms}
         held = (name for name, grip in self.scene.belief.held.items() if names & set(grip.arms))
-        return frozenset(held).union(*({*arm.solver.chain.carriers, *arm.hand_links} for arm in arms))
+        return frozenset(held).union(*({*arm.chain.carriers, *arm.hand_links} for arm in arms))
 
     def is_at_ease(self, point: Array, arms: Sequence[ArmModel]) -> bool:
         """Check whether arms reach a point (2,) of the map from here, with reach to spare."""

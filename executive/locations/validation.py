@@ -234,7 +234,7 @@ class BaseValidator:
         """Check that everything to be seen from the base is visible: what is required, and what will be handled."""
         scene, log = self.scene, question.log
         for name in demand.seen:
-            if any(math.dist(base[:2], other[:2]) < ANOTHER_PLACE for other in scene.visibility.looked_in_vain(name)):
+            if any(math.dist(base[:2], other[:2]) < ANOTHER_PLACE for other in scene.belief.looked_in_vain(name)):
                 return log.reject(base, score, "looked from there before without success")
         for name in self.to_see(demand):
             occluder = scene.visibility.hidden(base, name)

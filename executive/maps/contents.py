@@ -20,8 +20,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Severity, warning
 from planlang.effects import effects_of, heat_effects, number_of_class, number_of_individual
 from planlang.geometry.areas import Block
 from planlang.ontology import Ontology, expand, shorten
-from planlang.state.matter import KG_PER_ML, ON, Portion
-from planlang.state.rules import Heating, Rules, Size
+from planlang.state.matter import KG_PER_ML, ON, Heating, Portion, Rules, Size
 from sim import Body
 from sim.movers import Mover
 from sim.scene import BodyShape

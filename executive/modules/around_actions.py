@@ -6,7 +6,7 @@ declares are applied. Hands that fail are noted, so that another one is used in 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from executive.modules.effects import ActionEffects
@@ -35,12 +35,8 @@ class RobotModule(ModuleOnce):
         """Wrap ``module``. ``finding``: action classes that search for objects themselves."""
         super().__init__(module)
         self._platform, self._effects, self._finding = platform, effects, finding
+        self.failures = (*module.failures, PerceptionFailure, LookingFailure, ObjectNowhereToBeFound, ObjectNotTurned)
         self._by_motions = [kind for name in stated_as_before(module) for kind in LEFT_TO_MOTIONS[name]]
-
-    @property
-    def failures(self) -> Sequence[type[Exception]]:
-        """Failure classes that it may raise, including those of a search, and of an object that did not turn over."""
-        return (*super().failures, PerceptionFailure, LookingFailure, ObjectNowhereToBeFound, ObjectNotTurned)
 
     async def execute(self, action: Action) -> Any:
         """Search for unknown objects, perform the action, then apply its effects.
@@ -52,7 +48,7 @@ class RobotModule(ModuleOnce):
         effects.catch_up()
         if (due := effects.due(action)) is not None:
             await sleep(due)
-        before, lay = frozenset(self._platform.scene.world.names()), effects.lying(action) or {}
+        lay = effects.lying(action) or {}
         begun = effects.begins(self._by_motions)
         for what in self._unknown(action):
             await perform(looking_for(what))
@@ -62,7 +58,7 @@ class RobotModule(ModuleOnce):
             if failure.arm is not None:
                 self._platform.belief.hand_failed(failure.arm)
             raise
-        effects.learn(before)
+        self._platform.belief.learn()
         effects.catch_up()
         if not effects.untouched():
             raise PlanStructureError(

@@ -71,7 +71,7 @@ def upright_postures(control: Control, arm: ArmModel, held: Held, named: Array) 
 
 def is_near(arm: ArmModel, held: Held, named: Array, q: Array) -> bool:
     """Check whether joint positions q (d,) are within the search range of a named posture, with the object upright."""
-    there, here = arm.solver.chain.fk(np.stack([named, q]))
+    there, here = arm.chain.fk(np.stack([named, q]))
     away = np.abs(here[:3, 3] - there[:3, 3]) - np.abs([ALONG, ACROSS, UP]).max(axis=1)
     return bool((away <= NEAR).all() and rotated(here[:3, :3], held.up)[2] >= math.cos(NEAR))
 
@@ -81,7 +81,7 @@ def _free(control: Control, arm: ArmModel, held: Held, named: Array) -> Iterator
 
     Inverse kinematics starts from the arm's current joints, which often leaves a straight path, and from ``named``.
     """
-    targets = _targets(arm, held, arm.solver.chain.fk(named)[0])
+    targets = _targets(arm, held, arm.chain.fk(named)[0])
     kept: list[tuple[Array, Array]] = []
     for first in range(0, len(targets), AT_ONCE):
         batch = targets[first : first + AT_ONCE]
@@ -113,14 +113,14 @@ def _cached_ik(arm: ArmModel, targets: Array, seeds: Array) -> tuple[Array, NDAr
 
     Cached per user: most targets are out of reach, which is slow to find out, and repeated tasks ask for the same ones.
     """
-    chain = arm.solver.chain
+    chain = arm.chain
     facts = (chain.digest, chain.dof, _method(), targets.tobytes(), seeds.tobytes())
     key = hashlib.sha256(repr(facts).encode()).hexdigest()
     content = _CACHE.load(key)
     if content is not None:
         rows = np.frombuffer(content).reshape(len(targets), chain.dof + 1)
         return rows[:, 1:], rows[:, 0] > 0
-    joints, good = arm.solver.solve(targets, np.broadcast_to(seeds, (len(targets), *seeds.shape)))
+    joints, good = arm.chain.solve(targets, np.broadcast_to(seeds, (len(targets), *seeds.shape)))
     _CACHE.keep(key, np.column_stack([good, joints]).tobytes())
     return joints, good
 
@@ -155,6 +155,6 @@ def _alike(pose: Array, other: Array) -> bool:
 
 def _distances(arm: ArmModel, held: Held, q: Array) -> tuple[Array, Array]:
     """Compute distances from the base's axis, (n,) each [m]: of the arm's farthest joint, and of the load's centre."""
-    chain, tips = arm.solver.chain, arm.solver.chain.fk(q)
+    chain, tips = arm.chain, arm.chain.fk(q)
     joints = np.linalg.norm(chain.frames(q)[:, :, :2, 3], axis=2).max(axis=1)
     return joints, np.linalg.norm(moved(tips, np.asarray(held.pose.position))[:, :2], axis=1)

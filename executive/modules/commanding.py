@@ -32,7 +32,6 @@ from planlang.failures import (
     ManipulationGoalNotReached,
     NavigationGoalNotReached,
     ObjectLost,
-    ObjectUnresolvable,
     PlanFailure,
 )
 from planlang.geometry import Array, Pose, matrices
@@ -229,22 +228,17 @@ class Hands:
         self._at_rest: dict[str, float] = {}
         """Released object -> plan time at which it is expected to have come to rest [s]."""
 
-    def hold(self, what: Object) -> bool:
-        """Check whether the robot holds an object; False if the designator resolves to none."""
-        try:
-            return self._control.scene.bodies.bind(what) in self._control.belief.held
-        except ObjectUnresolvable:
-            return False
-
     async def move(self, arm: ArmModel, *, closed: bool, fingers: Fingers = ()) -> Motion:
         """Close the fingers fully, or open them fully or to ``fingers``. Opening releases a handle."""
-        gripper = arm.gripper
+        control, gripper, link = self._control, arm.gripper, arm.tip
         assert gripper is not None
         if not closed:
-            self._release_handle(arm)
+            control.world.loosen(link)
+            for leaf in [leaf for leaf, leader in control.belief.led.items() if leader == link]:
+                control.belief.let_go(leaf)
         goal = gripper.closed if closed else dict(fingers) or gripper.opened
-        path = np.stack([self._control.joints(gripper.joints), [goal[name] for name in gripper.joints]])
-        return await self._control.follow(Group(GroupKind.FINGERS, arm.name), self._control.timed(gripper.joints, path))
+        path = np.stack([control.joints(gripper.joints), [goal[name] for name in gripper.joints]])
+        return await control.follow(Group(GroupKind.FINGERS, arm.name), control.timed(gripper.joints, path))
 
     async def close(self, arm: ArmModel) -> Motion:
         """Close the fingers fully, or until they feel an object that stops them.
@@ -271,12 +265,6 @@ class Hands:
         control.world.grip(link)
         control.belief.leads(leaf, link)
         control.observe()
-
-    def _release_handle(self, arm: ArmModel) -> None:
-        control, link = self._control, arm.tip
-        control.world.loosen(link)
-        for leaf in [leaf for leaf, leader in control.belief.led.items() if leader == link]:
-            control.belief.let_go(leaf)
 
     def is_on(self, arm: ArmModel, name: str) -> bool:
         """Check whether the closed fingers feel something where a body is believed to be."""

@@ -63,7 +63,7 @@ class Drive:
         """Plan a path on a grid, as :meth:`path`."""
         control = self._control
         scene, radius, start = control.scene, control.robot.base.radius, control.base()
-        silhouette = scene.collisions.silhouette()
+        silhouette = scene.world.silhouette()
         room = clearance_field(grid, scene.collisions.obstacles(), silhouette)
 
         def roomy(room: Array, checks: float) -> Array:
@@ -89,7 +89,7 @@ class Drive:
     def _timed(self, goal: BasePose, plan: Callable[[float], Array]) -> Trajectory:
         """Time the path that ``plan`` finds for a spacing of checks [m]; refine until it is free between checks too."""
         control, scene = self._control, self._control.scene
-        obstacles, silhouette = scene.collisions.obstacles(), scene.collisions.silhouette()
+        obstacles, silhouette = scene.collisions.obstacles(), scene.world.silhouette()
         for factor in FINER:
             trajectory = self.timed(plan(CHECKS * factor))
             rows = trajectory.positions[1:]

@@ -8,12 +8,10 @@ happened. The belief follows the declaration.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import field, replace
 from itertools import count, islice
-from types import MappingProxyType
 
-from executive.maps import MapObject
 from executive.maps.classes import known
 from executive.modules.platform import Platform
 from planlang.changes import Change, Output, Physics, Poured, Simulated, Switched, Transformed, TurnedOver
@@ -25,9 +23,9 @@ from planlang.kernel import PlanStructureError, now
 from planlang.language.performing import actions_around
 from planlang.ontology import expand, shorten
 from planlang.records import dataclass
-from planlang.state import apply, is_free, warm
-from sim.changes import Changes
-from sim.processes import due
+from planlang.state import Queries, WorldState, apply, is_free, warm
+from planlang.state.matter import Matter
+from planlang.state.questions import due, is_vessel, type_of
 
 ACTED_ON = ("object_acted_on", "inputs", "inputs_destroyed")
 """Properties of an action that name what it destroys, turns over or pours."""
@@ -71,14 +69,20 @@ class ActionEffects:
             time = now()
         except PlanStructureError:  # without a running plan, no time passes
             return
-        belief, changes = self._platform.belief, self._believed
-        passed = belief.heated_until(time)
-        if passed > 0 and any(map(changes.matter.is_on, changes.matter.states)):
-            belief.happened(warm(belief.state, passed, self._platform.scene.mirror.queries))
+        passed = self._platform.belief.heated_until(time)
+        if passed > 0:
+            self._platform.belief.happened(warm(self._platform.belief.state, passed, self._queries))
 
     @property
-    def _believed(self) -> Changes:
-        return self._platform.scene.world.changes
+    def _queries(self) -> Queries:
+        return self._platform.scene.mirror.queries
+
+    @property
+    def _matter(self) -> Matter:
+        return self._platform.belief.state.matter
+
+    def _type_of(self, name: str) -> str:
+        return type_of(self._platform.belief.state, name, self._queries)
 
     def of(self, action: Action) -> Effects:
         """Collect the effects that an action's class declares, and the inputs and outputs that the action states."""
@@ -100,7 +104,7 @@ class ActionEffects:
         effects = (self.of(Action(action)) for action in actions)
         created = [
             *(cls for one in effects for cls in one.created),
-            *(one.output for one in self._believed.rules.heating),
+            *(one.output for one in self._queries.rules.heating),
         ]
         return any(self._is_a(cls, what.type) for cls in created)
 
@@ -114,9 +118,10 @@ class ActionEffects:
             try:
                 name = self._platform.scene.bodies.bind(what)
             except ObjectUnresolvable:
-                return min(due(self._believed, self._believed.bodies.bodies, what.type), default=None)
+                state = self._platform.belief.state
+                return min(due(state, state.poses, self._queries, what.type), default=None)
             if self.of(action).turned:
-                return min(due(self._believed, [name]), default=None)
+                return min(due(self._platform.belief.state, [name], self._queries), default=None)
         return None
 
     def begins(self, by_motions: Collection[type[Change]]) -> Begun:
@@ -132,13 +137,13 @@ class ActionEffects:
         effects = replace(self.of(action), completes=())
         if not effects:
             return
-        before = set(self._platform.scene.world.names())
+        before = self._platform.belief.state
         if effects.flow_rate is None:  # pouring creates only the object that lands
             self._transform(action, effects, begun)
         self._turn_over(action, effects, begun)
         self._switch(action, effects, begun)
         self._pour(action, effects, begun)
-        self._update_belief(before, {})
+        self._platform.belief.learn()
         self._name_what_landed(action, effects, before)
 
     # One kind of effect after the other
@@ -147,11 +152,11 @@ class ActionEffects:
         """Replace destroyed objects, and contents of vessels, by the objects created."""
         things, used = [], []
         for what, name in self._bound(action, ACTED_ON):
-            types = {self._believed.type_of(name), what.type} if self._platform.belief.means(what, name) else set()
+            types = {self._type_of(name), what.type} if self._platform.belief.means(what, name) else set()
             if any(self._is_a(type, cls) for type in types for cls in effects.destroyed):
                 things.append(name)
             else:
-                content = self._believed.matter.contents.get(name, {})
+                content = self._matter.contents.get(name, {})
                 # A designator of the vessel itself stands for everything in it, one of a substance for that only.
                 whole = what.iri is not None or self._platform.belief.means(what, name)
                 meant = [type for type in content if whole or self._is_a(type, what.type)]
@@ -161,13 +166,14 @@ class ActionEffects:
         things, used = list(dict.fromkeys(things)), list(dict.fromkeys(used))
         outputs = dict(self._outputs(action, effects.created))
         vessel = self._vessel(action, effects, things, used)
-        amounts = tuple((name, self._usual_amount(self._believed.type_of(name)) or 0.0) for name in things)
-        before = set(self._platform.scene.world.names())
+        amounts = tuple((name, self._usual_amount(self._type_of(name)) or 0.0) for name in things)
         self._do(Transformed(amounts, tuple(used), tuple(outputs), vessel), begun)
-        self._update_belief(before, {output.name: described for output, described in outputs.items()})
-        for output, described in outputs.items():
-            if described is not None and output.name in self._platform.belief.memory.made:
-                self._platform.belief.bound_to(described, output.name)
+        named = {output.name: described for output, described in outputs.items() if described is not None}
+        belief = self._platform.belief
+        belief.learn({name: described.iri for name, described in named.items() if described.iri is not None})
+        for name, described in named.items():
+            if name in belief.memory.made:
+                belief.bound_to(described, name)
 
     def _outputs(self, action: Action, created: Sequence[str]) -> Iterator[tuple[Output, Object | None]]:
         """Yield created objects under names that are free in all worlds, each with the action's designator of it."""
@@ -185,12 +191,12 @@ class ActionEffects:
         self, action: Action, effects: Effects, things: Sequence[str], used: Sequence[tuple[str, str]]
     ) -> str | None:
         """Choose the vessel of a product: one that the action names, one of an input, else one of a usual class."""
-        changes = self._believed
+        state, queries = self._platform.belief.state, self._queries
         named = [name for _, name in self._bound(action, VESSELS)]
-        below = [one for one in map(changes.under, things) if one is not None and one in changes.bodies.bodies]
+        below = [one for one in (queries.under(state, thing) for thing in things) if one is not None]
         usual = [name for cls in effects.vessels for name in self._nearest(cls)]
         every = (*named, *(name for name, _ in used), *below, *usual)
-        return next((name for name in every if name not in things and changes.is_vessel(name)), None)
+        return next((name for name in every if name not in things and is_vessel(state, name, queries)), None)
 
     def _nearest(self, cls: str) -> list[str]:
         """List the believed objects of a class, nearest to the robot first."""
@@ -201,12 +207,11 @@ class ActionEffects:
     def _turn_over(self, action: Action, effects: Effects, begun: Begun) -> None:
         for name in self._turning(action, effects):
             self._do(TurnedOver(name), begun)
-            self._platform.belief.turned_over(name, self._platform.scene.world.pose(name))
 
     def _turning(self, action: Action, effects: Effects) -> Iterator[str]:
         """Yield the objects that an action turns over, without those that a hand still holds."""
         for what, name in self._bound(action, ACTED_ON) if effects.turned else ():
-            types = (what.type, self._believed.type_of(name))
+            types = (what.type, self._type_of(name))
             fits = any(self._is_a(one, cls) for one in types for cls in effects.turned)
             if fits and name not in self._platform.belief.held:
                 yield name
@@ -223,14 +228,13 @@ class ActionEffects:
         devices = {one.device for one in self._platform.scene.world.scene.controls}
         for name in sorted((name for _, name in named), key=lambda name: name not in devices)[:1]:
             self._do(Switched(name, shorten(effects.states[0])), begun)
-            self._platform.belief.switched(name, shorten(effects.states[0]))
 
     def _pour(self, action: Action, effects: Effects, begun: Begun) -> None:
         if effects.flow_rate is None:
             return
         acted = self._bound(action, (*ACTED_ON, "device_used", "from_location"))
         goals = [name for _, name in self._bound(action, ("to_location",))]
-        what, source = next(((w, name) for w, name in acted if name in self._believed.matter.contents), (None, None))
+        what, source = next(((w, name) for w, name in acted if name in self._matter.contents), (None, None))
         target = next((name for name in (*goals, *(name for _, name in acted)) if name != source), None)
         if what is None or source is None or target is None:
             return
@@ -238,14 +242,13 @@ class ActionEffects:
         if isinstance(stated, int | float):
             amount = float(stated)
         else:  # "pour the mix" empties the vessel, "pour from the bottle" pours the usual amount
-            total = self._believed.matter.total(source)
+            total = self._matter.total(source)
             amount = effects.amount or 0.0 if self._platform.belief.means(what, source) else total
-        flowed = self._do(Poured(source, target, amount), begun)
-        self._platform.belief.poured(source, target, flowed)
+        self._do(Poured(source, target, amount), begun)
 
-    def _name_what_landed(self, action: Action, effects: Effects, before: set[str]) -> None:
+    def _name_what_landed(self, action: Action, effects: Effects, before: WorldState) -> None:
         """Bind the outputs that a pouring action states to the object that has landed where it poured."""
-        new = [name for name in self._platform.scene.world.names() if name not in before]
+        new = [name for name in self._platform.belief.state.made if name not in before.made]
         for what in _objects(action, "outputs_created") if effects.flow_rate is not None else ():
             for name in new[:1]:
                 self._platform.belief.bound_to(what, name)
@@ -254,39 +257,17 @@ class ActionEffects:
 
     def _is_free(self, name: str) -> bool:
         """Check that no thing has a name, nor ever had it, as it is believed and in truth."""
-        is_free_here = is_free(self._platform.belief.state, name, self._platform.scene.mirror.queries)
+        is_free_here = is_free(self._platform.belief.state, name, self._queries)
         return is_free_here and (self._physics is None or self._physics.is_free(name))
 
-    def _do(self, change: Change, begun: Begun) -> float:
-        """Apply a change to the belief and to the true world; return the amount believed to have flowed [ml]."""
+    def _do(self, change: Change, begun: Begun) -> None:
+        """Apply a change to the belief and to the true world."""
         belief = self._platform.belief
-        state, flowed = apply(change, belief.state, self._platform.scene.mirror.queries)
-        belief.happened(state)
+        state, flowed = apply(change, belief.state, self._queries)
+        belief.happened(state, replace(change, amount=flowed) if isinstance(change, Poured) else change)
         physics = None if isinstance(change, begun.by_motions) else self._physics
         if physics is None or not physics.bring_about(change, begun.simulated):
             begun.done_by_motions.append(change)
-        return flowed
-
-    def _update_belief(self, before: set[str], outputs: Mapping[str, Object | None]) -> None:
-        """Remove destroyed objects of the planning scene from the belief, and add new ones."""
-        belief = self._platform.belief
-        for name in sorted(before - set(self._platform.scene.world.names())):
-            if not belief.is_gone(name):
-                belief.destroyed(name)
-        self.learn(before, outputs)
-
-    def learn(self, before: Collection[str], outputs: Mapping[str, Object | None] = MappingProxyType({})) -> None:
-        """Add the objects that are new in the planning scene to the belief.
-
-        ``outputs``: name of a new object -> the action's designator of it.
-        """
-        world, belief = self._platform.scene.world, self._platform.belief
-        new = belief.state.made.keys() - belief.memory.made.keys()
-        for name in (name for name in world.names() if name not in before and name in new):
-            body, what = world.scene.body(name), outputs.get(name)
-            iri = None if what is None else what.iri
-            thing = MapObject(iri or "", name, (expand(body.type),), None, body.size)
-            belief.came_to_be(thing, world.pose(name))
 
     def _bound(self, action: Action, properties: Iterable[str]) -> list[tuple[Object, str]]:
         """Resolve the objects that fill properties of an action to names; leave out missing and destroyed ones."""
@@ -296,12 +277,12 @@ class ActionEffects:
                 name = self._platform.scene.bodies.bind(what)
             except ObjectUnresolvable:
                 continue
-            if name in self._believed.bodies.bodies and name not in self._believed.bodies.removed:
+            if self._platform.belief.state.there(name):
                 bound.append((what, name))
         return list(dict.fromkeys(bound))
 
     def _is_a(self, type: str, cls: str) -> bool:
-        return self._believed.rules.is_a(shorten(type), shorten(cls))
+        return self._queries.rules.is_a(shorten(type), shorten(cls))
 
     def _usual_amount(self, type: str) -> float | None:
         return number_of_class(self._platform.belief.map.ontology, [expand(type)], "amount")

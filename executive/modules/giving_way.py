@@ -101,7 +101,7 @@ class Lookout:
         self._watch(rest, now)
         if not now or now == self._last:
             return False
-        silhouette, sizes = platform.scene.collisions.silhouette(), platform.scene.bodies.size
+        silhouette, sizes = platform.scene.world.silhouette(), platform.scene.bodies.size
         for name, pose in now.items():
             rooms = clearance_at(rest[:, :2], Boxes.around([pose], np.array([sizes(name)])), silhouette)
             if rooms.min() < min(ROOM, rooms[0] - NEARER):

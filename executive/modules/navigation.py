@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import AsyncIterator
 from contextlib import suppress
+from functools import partial
 
 import numpy as np
 
@@ -11,7 +13,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.modules.giving_way import PATIENCE, Lookout
 from executive.modules.platform import PlatformModule
 from executive.modules.runner import Skill
-from executive.modules.ways_out import way_out_of_base
+from executive.modules.ways_out import planned, way_out_of_base
 from executive.motion import GoalInCollision, MotionError, StartInCollision
 from planlang.designators import Action, FixedPose, Location, Object, Posture, a_location
 from planlang.failures import (
@@ -30,7 +32,8 @@ from planlang.protocols import MotionState, Trajectory
 
 REPLANS = 3
 """Paths around unexpected obstacles to try before the failure is left to the plan."""
-
+MOST_PLACES = 100
+"""Places of one exploration or search to try."""
 FAR, ASKEW = 0.5, 0.5
 """Where other robots drive, the base turns to a goal farther away [m] that is in another direction [rad] first."""
 AT_GOAL = 0.15
@@ -54,12 +57,13 @@ class Navigation(PlatformModule):
 
         The name of an exploration or a search stands for its next place; unreachable ones are skipped.
         """
-        while True:
-            try:
-                return await self._drive(await self._goal(action))
-            except NavigationFailure:
-                if not self.platform.goes_elsewhere(action.get("to_location")):
-                    raise
+        await Skill(partial(self._goals, action), self._drive, failures=(NavigationFailure,), most=MOST_PLACES).run()
+
+    async def _goals(self, action: Action) -> AsyncIterator[BasePose]:
+        """Yield the goal of an action; for a name that stands for several places, one after the other."""
+        yield await self._goal(action)
+        while self.platform.goes_elsewhere(action.get("to_location")):
+            yield await self._goal(action)
 
     async def _drive(self, goal: BasePose) -> None:
         """Drive to a pose: after a touch, which changes what is believed, by another path."""
@@ -101,14 +105,8 @@ class Navigation(PlatformModule):
 
     async def _once(self, goal: BasePose, lookout: Lookout | None = None) -> None:
         """Follow a path to a pose, out of a collision first if the robot is in one."""
-        try:
-            path = self._path(goal)
-        except NavigationGoalNotReached as stuck:
-            if not isinstance(stuck.__cause__, StartInCollision) or (out := way_out_of_base(self.platform)) is None:
-                raise
-            await self._follow(out, goal, lookout)
-            path = self._path(goal)
-        await self._follow(path, goal, lookout)
+        follow = partial(self._follow, goal=goal, lookout=lookout)
+        await follow(await planned(partial(self._path, goal), partial(way_out_of_base, self.platform), follow))
 
     async def _face(self, goal: BasePose, lookout: Lookout) -> None:
         """Turn to where the way leads, as far as there is room: the camera sees what comes from there."""
@@ -150,7 +148,7 @@ class Navigation(PlatformModule):
             await lookout.wait_for(location, lookout.patience(names))
         return next(resolver.bases(location)).base
 
-    def _path(self, goal: BasePose) -> Trajectory:
+    async def _path(self, goal: BasePose) -> Trajectory:
         if self.platform.robot.base.fixed:
             what = "the base is fixed: start it where all is within its reach"
             raise NavigationPoseUnreachable(what, target=goal)

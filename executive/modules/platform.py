@@ -263,7 +263,7 @@ class Arms:
         MotionError if no path is found within ``iterations``.
         """
         control = self._control
-        chain, base, start = arm.solver.chain, control.base(), control.arm_joints(arm)
+        chain, base, start = arm.chain, control.base(), control.arm_joints(arm)
         space = JointSpace.of(arm.lower, arm.upper, continuous=chain.continuous, resolution=arm.resolution)
         quick = control.scene.collisions.quick_check(arm, touches)
 
@@ -306,7 +306,7 @@ class Arms:
         held = self._control.scene.arms.held(arm.name)
         if held is None or held.largest_tilt is None:
             return None
-        usual = Upright(arm.solver.chain, held.up, SHARE * held.largest_tilt)
+        usual = Upright(arm.chain, held.up, SHARE * held.largest_tilt)
         ends = usual.tilts(np.stack([self._control.arm_joints(arm), goal]))
         return replace(usual, limit=max(usual.limit, float(ends.max()) + HAIR))
 
@@ -339,9 +339,9 @@ class Arms:
                 if pairs is None or pairs
             )
 
-        chain = arm.solver.chain
+        chain = arm.chain
         begin, end = chain.fk(start)[0], matrices.product(Pose.planar(*base).inverse().matrix(), pose)
-        line = cartesian_path(arm.solver, start, begin, end, is_free)
+        line = cartesian_path(arm.chain, start, begin, end, is_free)
         if line.waypoints is None:
             raise MotionError(line.reason)
         for timing in (time_curve, time_path):  # a curve is faster, but may leave the line or the joint limits

@@ -8,13 +8,15 @@ robot feels it and stops.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 
 import numpy as np
 
 from executive.locations.standing import Standing
 from executive.modules.platform import Platform
+from executive.motion import StartInCollision
 from executive.robots.arms import ArmModel
+from planlang.failures import PlanFailure
 from planlang.geometry import Array
 from planlang.protocols import Contact, Trajectory
 
@@ -30,6 +32,22 @@ CHECKS = 0.01
 """Spacing of collision checks along an escape of the base [m]."""
 
 Contacts = Callable[[Array], tuple[Contact, ...]]
+
+
+async def planned(
+    plan: Callable[[], Awaitable[Trajectory]],
+    way_out: Callable[[], Trajectory | None],
+    follow: Callable[[Trajectory], Awaitable[object]],
+) -> Trajectory:
+    """Plan a motion. One that would start in collision is planned after an escape from there, if there is one."""
+    try:
+        return await plan()
+    except PlanFailure as stuck:
+        out = way_out() if isinstance(stuck.__cause__, StartInCollision) else None
+        if out is None:
+            raise
+    await follow(out)
+    return await plan()
 
 
 def way_out_of_arm(platform: Platform, arm: ArmModel, touches: str | None) -> Trajectory | None:
@@ -49,7 +67,7 @@ def way_out_of_arm(platform: Platform, arm: ArmModel, touches: str | None) -> Tr
             drawn = random.normal(size=(DIRECTIONS, len(start)))
             for direction in (*single, *(drawn / np.abs(drawn).max(axis=1)[:, None])):
                 q = start + reach * arm.resolution * direction
-                if arm.solver.chain.within(q[None], 1e-6).all():
+                if arm.chain.within(q[None], 1e-6).all():
                     yield q
 
     end = _first_free(start, ends(), contacts, lambda a, b: int(np.ceil(np.abs((b - a) / arm.resolution).max() * 2)))

@@ -15,7 +15,7 @@ from executive.motion.base_path import plan_base_path
 from executive.motion.clearance import Boxes, Grid, clearance_at, clearance_field
 from executive.motion.collision import QuickCheck
 from executive.motion.errors import GoalInCollision, MotionError, NoPath, StartInCollision
-from executive.motion.kinematics import Chain, Gaze, InverseKinematics
+from executive.motion.kinematics import Chain, Gaze
 from executive.motion.trajectories import cartesian_path, keeps_line, time_curve, time_path
 
 __all__ = [
@@ -24,7 +24,6 @@ __all__ = [
     "Gaze",
     "GoalInCollision",
     "Grid",
-    "InverseKinematics",
     "JointSpace",
     "MotionError",
     "NoPath",

@@ -23,6 +23,10 @@ class ArmGroup(JointRanges):
         self.chains = tuple(chains)
         self.names: tuple[str, ...] = tuple(dict.fromkeys(name for chain in chains for name in chain.names))
         """Joint names."""
+        self.dof: int = len(self.names)
+        """Number of joints, n."""
+        self.carriers: tuple[str, ...] = tuple(dict.fromkeys(link for chain in chains for link in chain.carriers))
+        """Child links of moving joints, without duplicates."""
         self.columns: tuple[NDArray[np.intp], ...] = tuple(
             np.array([self.names.index(name) for name in chain.names], np.intp) for chain in chains
         )
@@ -34,16 +38,6 @@ class ArmGroup(JointRanges):
             self._of_chains([getattr(chain, kind).astype(float) for chain in chains]) > 0
             for kind in ("continuous", "prismatic")
         )
-
-    @property
-    def dof(self) -> int:
-        """Number of joints, n."""
-        return len(self.names)
-
-    @cached_property
-    def carriers(self) -> tuple[str, ...]:
-        """Child links of moving joints, without duplicates."""
-        return tuple(dict.fromkeys(link for chain in self.chains for link in chain.carriers))
 
     def frame_rows(self, q: ArrayLike) -> Array:
         """Compute the first three rows of these poses, configurations along the last axis: (j, 3, 4, m)."""

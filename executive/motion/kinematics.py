@@ -81,7 +81,7 @@ class Chain(JointRanges):
     """Joints from a base link to a tip link; d of them move.
 
     A mimic joint moves with its master; a master outside the chain takes the mimic's place in ``names``. Fixed and
-    locked joints are folded into the constants.
+    locked joints are folded into the constants. Inverse kinematics is by Levenberg-Marquardt, from given seeds.
     """
 
     def __init__(self, joints: Sequence[Joint], *, others: Iterable[Joint] = (), locked: Mapping[str, float]) -> None:
@@ -106,6 +106,11 @@ class Chain(JointRanges):
                 ranges[name] = (max(low, ends[0]), min(high, ends[1]))
         self.names: tuple[str, ...] = tuple(movers)
         """Joint names, base first."""
+        self.dof: int = len(movers)
+        """Number of moving joints, d."""
+        moved = zip(joints, variables, strict=True)
+        self.carriers: tuple[str, ...] = tuple(joint.child for joint, variable in moved if variable.index is not None)
+        """Child links of its moving joints, base first; :meth:`frames` computes their poses."""
         limits = [ranges.get(name, (joint.lower, joint.upper)) for name, joint in movers.items()]
         self.lower = _frozen([low for low, _ in limits])
         self.upper = _frozen([high for _, high in limits])
@@ -145,17 +150,6 @@ class Chain(JointRanges):
         if not chain.names:
             raise NoSuchChain(base_link, tip_link, "no joint between them moves", links)
         return chain
-
-    @property
-    def carriers(self) -> tuple[str, ...]:
-        """Child links of its moving joints, base first; :meth:`frames` computes their poses."""
-        moved = zip(self._joints, self._variables, strict=True)
-        return tuple(joint.child for joint, variable in moved if variable.index is not None)
-
-    @property
-    def dof(self) -> int:
-        """Number of moving joints, d."""
-        return len(self.names)
 
     def locked(self, positions: Mapping[str, float]) -> Chain:
         """Lock more joints at given positions."""
@@ -276,26 +270,8 @@ class Chain(JointRanges):
         """Jacobians (3, 6, d) in three postures, which stand for all."""
         return self.jacobian(np.random.default_rng(0).uniform(self.lower, self.upper, (3, self.dof)))
 
-    def _rows(self, q: ArrayLike) -> Array:
-        rows = np.atleast_2d(np.asarray(q, float))
-        if rows.ndim != 2 or rows.shape[1] != self.dof:
-            raise ValueError(f"expected configurations (n, {self.dof}) of {self.names}, got shape {np.shape(q)}")
-        return rows
-
-
-_FUNCTIONS: dict[str, ChainFunctions] = {}
-MOST_CHAINS = 32
-"""Number of chains whose functions are cached in a process: arms, necks and lifts of several robots."""
-
-
-class InverseKinematics:
-    """Inverse kinematics of a chain's tip by Levenberg-Marquardt from given seeds."""
-
-    def __init__(self, chain: Chain) -> None:
-        self.chain = chain
-
     def solve(self, targets: ArrayLike, seeds: ArrayLike) -> tuple[Array, NDArray[np.bool_]]:
-        """Solve for targets (m, 4, 4) in the base frame, each from its seeds (m, s, d) in order until one converges.
+        """Solve for targets (m, 4, 4) of the tip in the base, each from its seeds (m, s, d) until one converges.
 
         Returns q (m, d) and ok (m,): where ok, the tip is within 0.1 mm and 1 mrad of the target and the joints are
         within their limits; elsewhere q is the nearest configuration found. Continuous joints are within half a turn of
@@ -304,7 +280,7 @@ class InverseKinematics:
         reflections, and for numbers that are not finite.
         """
         poses, starts = np.asarray(targets, float), np.asarray(seeds, float)
-        d = self.chain.dof
+        d = self.dof
         if poses.shape != (len(poses), 4, 4) or starts.ndim != 3 or starts.shape[::2] != (len(poses), d):
             raise ValueError(
                 f"expected targets (m, 4, 4) and seeds (m, s, {d}), got shapes {poses.shape} and {starts.shape}"
@@ -323,19 +299,19 @@ class InverseKinematics:
             unsolved = unsolved[~ok]
             if not len(unsolved):
                 break
-        return self.chain.near(best.T, starts[:, 0]), solved
+        return self.near(best.T, starts[:, 0]), solved
 
     def _descend(self, targets: Array, q: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Descend to targets (12, n) from seeds (d, n): configurations, squared errors, and which converged.
 
         Each row continues by itself until it converges, stalls, or has used all its steps.
         """
-        q = self.chain.functions.within(q)
+        q = self.functions.within(q)
         results, errors, solved = np.empty_like(q), np.empty(q.shape[1]), np.zeros(q.shape[1], np.bool_)
         row, least = np.arange(q.shape[1]), np.full(q.shape[1], np.inf)
         slow = np.zeros(q.shape[1], np.intp)
         for step in range(STEPS + 1):
-            moved, squares = self.chain.functions.step(q, targets)
+            moved, squares = self.functions.step(q, targets)
             ok = (squares <= TOLERANCES).all(axis=0)
             error = squares[0] + ROTATION_WEIGHT**2 * squares[1]
             improved = error < STALLED * least
@@ -349,6 +325,17 @@ class InverseKinematics:
                     break
             q = moved
         return results, errors, solved
+
+    def _rows(self, q: ArrayLike) -> Array:
+        rows = np.atleast_2d(np.asarray(q, float))
+        if rows.ndim != 2 or rows.shape[1] != self.dof:
+            raise ValueError(f"expected configurations (n, {self.dof}) of {self.names}, got shape {np.shape(q)}")
+        return rows
+
+
+_FUNCTIONS: dict[str, ChainFunctions] = {}
+MOST_CHAINS = 32
+"""Number of chains whose functions are cached in a process: arms, necks and lifts of several robots."""
 
 
 def _master(joint: Joint, every: Mapping[str, Joint]) -> tuple[str, float, float]:

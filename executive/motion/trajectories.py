@@ -21,7 +21,7 @@ import numpy as np
 import ruckig
 from numpy.typing import ArrayLike
 
-from executive.motion.kinematics import InverseKinematics
+from executive.motion.kinematics import Chain
 from planlang.geometry import Array
 from planlang.geometry.matrices import cross_matrix, product, rotated
 from planlang.protocols import Trajectory
@@ -54,7 +54,7 @@ class TipLine:
 
 
 def cartesian_path(
-    ik: InverseKinematics,
+    chain: Chain,
     start_q: ArrayLike,
     start_pose: ArrayLike,
     goal_pose: ArrayLike,
@@ -72,10 +72,10 @@ def cartesian_path(
     start, goal = np.asarray(start_pose, float), np.asarray(goal_pose, float)
     counts = [steps * 2**halved for halved in range(REFINED + 1)]
     for count in counts:
-        line = _in_steps(ik, np.array(start_q, float), _between(start, goal, count), is_free, largest_step)
+        line = _in_steps(chain, np.array(start_q, float), _between(start, goal, count), is_free, largest_step)
         if line.waypoints is None:
             return line
-        middles = ik.chain.fk((line.waypoints[:-1] + line.waypoints[1:]) / 2)
+        middles = chain.fk((line.waypoints[:-1] + line.waypoints[1:]) / 2)
         if keeps_line(middles, start, goal):
             return line
     return TipLine(None, f"the tip leaves the line between steps, even {counts[-1]} of them")
@@ -99,20 +99,18 @@ def keeps_line(poses: Array, start: Array, goal: Array) -> bool:
     return bool(stray <= LARGEST_STRAY and cosines.min() >= math.cos(LARGEST_TILT))
 
 
-def _in_steps(
-    ik: InverseKinematics, q: Array, poses: Array, is_free: Callable[[Array], bool], largest_step: float
-) -> TipLine:
+def _in_steps(chain: Chain, q: Array, poses: Array, is_free: Callable[[Array], bool], largest_step: float) -> TipLine:
     """Follow poses (n, 4, 4) from a configuration (d,)."""
     waypoints, steps = [q], len(poses)
     for i in range(steps):
         if i % AHEAD == 0:  # solve the next few from here: close enough for a seed, and one call for all
             ahead = poses[i : i + AHEAD]
-            solutions, reached = ik.solve(ahead, np.broadcast_to(q, (len(ahead), 1, len(q))))
+            solutions, reached = chain.solve(ahead, np.broadcast_to(q, (len(ahead), 1, len(q))))
         if not reached[i % AHEAD]:
             return TipLine(None, f"the tip cannot reach step {i + 1} of {steps}")
         jump = np.abs(solutions[i % AHEAD] - q)
         if jump.max() > largest_step:
-            name = ik.chain.names[int(np.argmax(jump))]
+            name = chain.names[int(np.argmax(jump))]
             return TipLine(None, f"{name} would jump by {jump.max():.2f} at step {i + 1} of {steps}")
         q = solutions[i % AHEAD]
         if not is_free(q.copy()):

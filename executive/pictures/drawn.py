@@ -18,10 +18,9 @@ import numpy as np
 from executive.pictures.looks import BEVEL, Piece, Rgba, colour_of, colours, look_of, pieces_of
 from executive.pictures.solids import Solid, ball, box, lathe, shaded, tube
 from planlang.geometry import Array, Pose
-from planlang.geometry.matrices import rigid, rotation_of
 from planlang.geometry.mesh import mesh_of
 from planlang.geometry.shapes import Size, SolidKind
-from planlang.geometry.urdf import tree_of
+from planlang.geometry.urdf import origin_of, tree_of
 from planlang.geometry.urdf_schema import numbers
 from planlang.records import dataclass
 from sim.bodies import Color, Part
@@ -79,11 +78,10 @@ def looks_of_links(robot: Robot) -> dict[str, list[Shape]]:
 
 
 def _looks(visual: Element, robot: Robot, materials: dict[str, Rgba | None]) -> Iterator[Shape]:
-    shape, origin, material = visual.find("geometry/*"), visual.find("origin"), visual.find("material")
+    shape, material = visual.find("geometry/*"), visual.find("material")
     if shape is None:
         return
-    xyz, rpy = (numbers("0 0 0" if origin is None else origin.get(name, "0 0 0")) for name in ("xyz", "rpy"))
-    pose = Pose.from_matrix(rigid(rotation_of(*rpy), np.array(xyz)))
+    pose = Pose.from_matrix(origin_of(visual))
     stated = None if material is None else _colour_of(material) or materials.get(material.get("name", ""))
     colour = GREY if stated in (None, _WHITE) else stated
     if shape.tag == "mesh":

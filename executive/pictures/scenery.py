@@ -115,7 +115,7 @@ def scenery_of(
 ) -> Scenery:
     """Background from the believed state of the room; places have the size of the base or of the thing to be placed."""
     world, bodies = scene.world, outlines(scene, meant)
-    robot = scene.base_radius
+    robot = scene.robot.base.radius
     size = robot if placed_thing is None else max(world.size(placed_thing)[:2]) / 2
     regions = list(_regions(scene, location, placed_thing))
     on_floor = placed_thing is None

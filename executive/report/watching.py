@@ -151,7 +151,7 @@ class Tracks:
         if self._told == (told := (state.poses, state.held, state.away)):
             return
         self._told, names = told, set(belief.names())
-        held = belief.carried()
+        held = belief.state.carried()
         for name in sorted(names & {name for kind, name in self.all if kind == "body"}):
             pose = belief.pose(name)
             if name not in held and self._believed.get(name) != pose:
@@ -364,7 +364,7 @@ class Watching:
         """Build the world's part of the page's model, and its binary data by name."""
         shapes, bounds = self._shapes, [round(float(one), 3) for one in self._truth.scene.bounds]
         tracks, keys = packed(ordered(self._tracks.all.values()), self._tracks.rate, shapes.of)
-        radius = self._platform.scene.base_radius
+        radius = self._platform.scene.robot.base.radius
         room = {"bounds": bounds, "outlines": self._outlines, "radius": round(radius, 3), "start": list(self._start)}
         parts = {
             "scene": {"bounds": bounds, "meshes": shapes.meshes, "view": VIEW, **tracks},

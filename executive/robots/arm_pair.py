@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.motion import InverseKinematics
+from executive.motion import Chain
 from executive.motion.arm_group import ArmGroup
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
@@ -39,7 +39,7 @@ class ArmPair:
     @cached_property
     def group(self) -> ArmGroup:
         """Joint space of both arms."""
-        return ArmGroup([arm.solver.chain for arm in self.arms])
+        return ArmGroup([arm.chain for arm in self.arms])
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -70,13 +70,13 @@ class ArmPair:
         return float(lift.position(rise))
 
     @cached_property
-    def _solvers(self) -> tuple[InverseKinematics, ...]:
-        return tuple(InverseKinematics(arm.solver.chain.locked(self._fixed(arm))) for arm in self.arms)
+    def _chains(self) -> tuple[Chain, ...]:
+        return tuple(arm.chain.locked(self._fixed(arm)) for arm in self.arms)
 
     @cached_property
     def solved(self) -> tuple[NDArray[np.intp], ...]:
         """Indices of the joints that inverse kinematics solves for, per arm."""
-        return tuple(np.array([self.names.index(name) for name in one.chain.names], np.intp) for one in self._solvers)
+        return tuple(np.array([self.names.index(name) for name in one.names], np.intp) for one in self._chains)
 
     def _fixed(self, arm: ArmModel) -> dict[str, float]:
         shared = set(self.arms[0].joints) & set(self.arms[1].joints)
@@ -99,7 +99,7 @@ class ArmPair:
         lowered = targets.copy()
         if self.torso is not None and lift is not None:
             lowered[:, 2, 3] -= lift.rise(torso)
-        return self._solvers[arm].solve(lowered, seeds[:, :, self.solved[arm]])
+        return self._chains[arm].solve(lowered, seeds[:, :, self.solved[arm]])
 
     def joined(self, parts: tuple[Array, Array], torso: Array, start: Array) -> Array:
         """Combine joint values (m, d) of each arm and the torso (m,) into (m, n); the rest as in ``start`` (n,)."""

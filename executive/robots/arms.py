@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from executive.motion import Chain, Gaze, InverseKinematics
+from executive.motion import Chain, Gaze
 from executive.robots.mechanism import Mechanism
 from executive.robots.openings import Openings, bare_hand, openings_of
 from executive.robots.robot import CARRYING, Arm, Gripper, Robot
@@ -21,7 +22,7 @@ from planlang.progress import Report, Share, unreported
 from planlang.protocols import Configuration, RobotInterface
 from planlang.records import dataclass
 from planlang.state import Hold, WorldState
-from sim import Body, PlanningWorld, Scene, WorldMirror
+from sim import PlanningWorld, Scene, WorldMirror
 
 SAMPLES = 400
 """Number of random configurations from which the reach of an arm is estimated."""
@@ -33,6 +34,9 @@ AROUND = 0.01
 """Distance that a shape reaches beyond the grip point to all sides if it covers it [m]."""
 TURN_STEP, SLIDE_STEP = 0.08, 0.02
 """Resolution of collision checks along motions of revolute and prismatic joints [rad], [m]."""
+
+NOTHING = Scene(())
+"""An empty room."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +116,8 @@ class ArmModel:
 
     part: Arm
     """What it is, by the self-model or the robot file."""
-    solver: InverseKinematics
+    chain: Chain
+    """From the robot's base link to the tip."""
     resolution: Array
     """Resolution of collision checks along motions, (d,) [rad, m]."""
     frame: HandFrame
@@ -168,17 +173,17 @@ class ArmModel:
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of its joints, torso included, (d,)."""
-        return self.solver.chain.names
+        return self.chain.names
 
     @property
     def lower(self) -> Array:
         """Lower limits of its joints, (d,) [rad, m]."""
-        return self.solver.chain.lower
+        return self.chain.lower
 
     @property
     def upper(self) -> Array:
         """Upper limits of its joints, (d,) [rad, m]."""
-        return self.solver.chain.upper
+        return self.chain.upper
 
     def lowest(self, rotations: Array, held: Held | None) -> Array:
         """Compute heights (m,) of the lowest point of hand and held object above the tip, for rotations (m, 3, 3)."""
@@ -260,7 +265,7 @@ def _model(robot: Robot, arm: Arm, world: PlanningWorld) -> ArmModel:
     fingers = arm.gripper.finger_links if arm.gripper is not None else ()
     return ArmModel(
         part=arm,
-        solver=InverseKinematics(chain),
+        chain=chain,
         resolution=np.where(chain.prismatic, SLIDE_STEP, TURN_STEP),
         frame=HandFrame(arm.approach, arm.closing),
         openings=openings_of(arm, world),
@@ -352,18 +357,21 @@ ORIGIN = (0.0, 0.0, 0.0)
 """Base pose in the world of the search."""
 
 
-def with_carrying(robot: Robot, held: Sequence[tuple[str, Body, Pose]] = (), report: Report = unreported) -> Robot:
+def with_carrying(
+    robot: Robot,
+    held: Mapping[str, Hold] = MappingProxyType({}),
+    scene: Scene = NOTHING,
+    report: Report = unreported,
+) -> Robot:
     """Add a carrying posture to a robot: free of contact, hands level, as narrow as possible.
 
-    ``held`` are the objects that it holds: link, body, and pose in the frame of the link. A robot that has a carrying
-    posture keeps it unless they touch something there. ``report`` receives the progress of the search.
+    ``held`` are the objects of a scene that it holds. A robot that has a carrying posture keeps it unless they touch
+    something there. ``report`` receives the progress of the search.
     """
     if (CARRYING in robot.postures and not held) or not robot.arms:
         return robot
-    world = PlanningWorld(Scene(tuple(body for _, body, _ in held)), robot.body())
-    mirror, state = WorldMirror(world, robot.name), world.world_state(robot.name)
-    for link, body, offset in held:
-        state = state.gripped(body.name, Hold(link, link, offset))
+    world = PlanningWorld(Scene(tuple(map(scene.body, held))), robot.body())
+    mirror, state = WorldMirror(world, robot.name), world.world_state(robot.name).gripping(held)
     try:
         if CARRYING in robot.postures and not mirror.at(state).contacts():
             return robot
@@ -432,7 +440,7 @@ def _level(arm: Arm, chain: Chain, world: PlanningWorld, fixed: Mapping[str, flo
     ]
     middle = np.clip((chain.lower + chain.upper) / 2, -np.pi, np.pi)
     seeds = np.concatenate([middle[None], chain.sample(rng, SEEDS)])
-    q, ok = InverseKinematics(chain).solve(np.stack(targets), np.repeat(seeds[None], len(targets), axis=0))
+    q, ok = chain.solve(np.stack(targets), np.repeat(seeds[None], len(targets), axis=0))
     solutions: Array = q[ok]
     return solutions
 

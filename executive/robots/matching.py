@@ -209,14 +209,15 @@ class Matcher:
         matching = [part for part, answer in zip(self.robot.parts, answers, strict=True) if answer]
         if enough:
             return self._usable(needed, matching)
-        who = self.robot.robot
+        who, state = self.robot.robot, UNKNOWN
         if enough is None or (name is not None and not self.world.is_known(name)):
-            return Finding(FindingKind.COMPONENT, text, name, UNKNOWN, "no ontology defines it", None, (), needed.span)
-        if self.robot.model is None and not matching and not self._shows(name):
+            reason = "no ontology defines it"
+        elif self.robot.model is None and not matching and not self._shows(name):
             reason = f"{who} has no self-model to decide"
-            return Finding(FindingKind.COMPONENT, text, name, UNKNOWN, reason, None, (), needed.span)
-        reason = f"{who} has {f'only {len(matching)}' if matching and kind != 'max' else len(matching) or 'none'}"
-        return Finding(FindingKind.COMPONENT, text, name, MISSING, reason, None, (), needed.span)
+        else:
+            count = f"only {len(matching)}" if matching and kind != "max" else len(matching) or "none"
+            state, reason = MISSING, f"{who} has {count}"
+        return Finding(FindingKind.COMPONENT, text, name, state, reason, None, (), needed.span)
 
     def _usable(self, needed: Requirement, parts: Sequence[Part]) -> Finding:
         """Check what fitting parts require in turn: a recognition system may need a model of an object."""

@@ -24,9 +24,9 @@ from executive.robots.robot import SelfModel
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note
 from planlang.geometry import Array
-from planlang.geometry.matrices import moved, product, rotated, rotation_of
+from planlang.geometry.matrices import moved, product, rotated
 from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
-from planlang.geometry.urdf import Element, Joint, Urdf, read_urdf
+from planlang.geometry.urdf import Element, Joint, Urdf, origin_of, read_urdf
 from planlang.geometry.urdf_schema import extents_of, numbers
 from planlang.package_paths import file_places
 from planlang.records import dataclass
@@ -223,15 +223,12 @@ def _is_dot(urdf: Path, link: ElementTree.Element) -> bool:
 
 def _farthest(urdf: Path, shape: ElementTree.Element) -> float:
     """Greatest distance of a shape from its link's frame, at most, [m]; infinite for one that cannot be measured."""
-    origin, solid = shape.find("origin"), shape.find("geometry/*")
-    xyz, rpy = (numbers("0 0 0" if origin is None else origin.get(key, "0 0 0")) for key in ("xyz", "rpy"))
+    solid, pose = shape.find("geometry/*"), origin_of(shape)
     if solid is None:
         return math.inf
     if solid.tag != "mesh":
         extents = [value for name in extents_of(solid) for value in numbers(solid.get(name, ""))]
-        return math.hypot(*xyz) + math.hypot(*extents) if extents else math.inf
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation_of(*rpy), xyz
+        return math.hypot(*pose[:3, 3]) + math.hypot(*extents) if extents else math.inf
     for place in file_places(urdf, solid.get("filename", "")):
         try:
             vertices = mesh_of(mesh_content(place), place.suffix.lower()).vertices

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from itertools import combinations
 from pathlib import Path
@@ -29,7 +29,6 @@ class Composition:
     types: tuple[str, ...]
     base: str | None
     ends: tuple[str, ...]
-    tool_frame: str | None
     label: str | None
     span: Span | None
 
@@ -50,8 +49,6 @@ class SelfModel:
     components: tuple[str, ...]
     """IRIs of all its parts: links and joints, compositions, software."""
     span: Span | None = None
-    dangling: frozenset[str] = field(default_factory=frozenset)
-    """IRIs that compositions refer to, but that no individual has."""
 
 
 def read_self_model(ontology: Ontology) -> SelfModel:
@@ -59,13 +56,13 @@ def read_self_model(ontology: Ontology) -> SelfModel:
 
     Raises BadInput if there is none.
     """
-    robot = _robot(ontology)
+    names = _urdf_names(ontology)
+    robot = _robot(ontology, names)
     if robot is None:
         document = ontology.documents[0] if ontology.documents else None
         span = Span(str(document.path)) if document else None
         help = "add an individual of a subclass of knowrob:Robot, with srdl2-comp:succeedingLink"
         raise BadInput([error("B002", "this file describes no robot", span, help)])
-    names = _urdf_names(ontology)
     joints = {iri: name for iri, name in names.items() if _is_joint(ontology, iri)}
     links = {iri: name for iri, name in names.items() if iri not in joints}
     compositions = tuple(_compositions(ontology, robot))
@@ -73,8 +70,6 @@ def read_self_model(ontology: Ontology) -> SelfModel:
     parts = reached((robot,), lambda iri: (part for prop in below for part in ontology.iris(iri, prop)))
     members = dict.fromkeys([*parts, *names, *(c.iri for c in compositions)])
     members.pop(robot, None)
-    ends = {iri for c in compositions for iri in (*c.ends, c.base, c.tool_frame) if iri}
-    dangling = frozenset(iri for iri in ends if iri not in names and not ontology.defined(iri))
     return SelfModel(
         ontology,
         robot,
@@ -85,18 +80,17 @@ def read_self_model(ontology: Ontology) -> SelfModel:
         compositions,
         tuple(members),
         ontology.span(robot),
-        dangling,
     )
 
 
-def _robot(ontology: Ontology) -> str | None:
+def _robot(ontology: Ontology, names: Collection[str]) -> str | None:
     robots = [r for r in ontology.individuals(expand("knowrob:Robot")) if not ontology.is_class(r)]
     if robots:
         return next((r for r in robots if ontology.main(r)), robots[0])
     for name in ("srdl2-comp:subComponent", "srdl2-comp:succeedingLink", "srdl2-comp:baseLinkOfComposition"):
         for triple in ontology.triples(None, expand(name)):
             iri = triple.subject
-            if isinstance(iri, str) and not _urdf_name(ontology, iri) and not _is_composition(ontology, iri):
+            if isinstance(iri, str) and iri not in names and not _is_composition(ontology, iri):
                 return iri
     return None
 
@@ -108,11 +102,6 @@ def _urdf_names(ontology: Ontology) -> dict[str, str]:
         if isinstance(triple.subject, str) and isinstance(triple.object, Literal):
             names[triple.subject] = triple.object.value.strip()
     return names
-
-
-def _urdf_name(ontology: Ontology, iri: str) -> str | None:
-    value = ontology.value(iri, expand("srdl2-comp:urdfName"))
-    return value.value if isinstance(value, Literal) else None
 
 
 def _is_joint(ontology: Ontology, iri: str) -> bool:
@@ -130,16 +119,12 @@ def _compositions(ontology: Ontology, robot: str) -> Iterator[Composition]:
             if isinstance(triple.subject, str) and triple.subject != robot:
                 subjects[triple.subject] = None
     for iri in subjects:
-        bases, tools = (
-            ontology.iris(iri, "srdl2-comp:baseLinkOfComposition"),
-            ontology.iris(iri, "srdl2-comp:toolFrame"),
-        )
+        bases = ontology.iris(iri, "srdl2-comp:baseLinkOfComposition")
         yield Composition(
             iri,
             ontology.types(iri),
             bases[0] if bases else None,
             ontology.iris(iri, "srdl2-comp:endLinkOfComposition"),
-            tools[0] if tools else None,
             ontology.label(iri),
             ontology.span(iri),
         )
@@ -366,10 +351,6 @@ class Robot:
             return None
         return f"{self.name} has no {device.name}; its arms: {', '.join(arm.name for arm in self.arms) or 'none'}"
 
-    def holder(self, link: str) -> Arm | None:
-        """Find the arm whose hand or tip a link is."""
-        return next((a for a in self.arms if link in (a.hand_link, a.tip)), None)
-
     def body(self, posture: str | None = None) -> RobotBody:
         """Describe the robot for the simulator, starting in a posture (by default ``carrying``, if it has one).
 
@@ -380,10 +361,6 @@ class Robot:
         start = self.postures.get(posture or CARRYING, {}) if posture is None else self.postures[posture]
         fingers = tuple(pair for links in hands.values() for pair in combinations(links, 2))
         return RobotBody(self.urdf, camera, hands, (*self.allowed_contacts, *fingers), start, tuple(self.limits))
-
-    def posture(self, name: str) -> Mapping[str, float] | None:
-        """Joint positions of a posture; None if the robot has none of this name."""
-        return self.postures.get(name)
 
 
 def trusting_map(robot: Robot) -> Robot:

@@ -40,9 +40,10 @@ from planlang.language.process_module import ProcessModule
 from planlang.ontology import expand, shorten
 from planlang.progress import Report, unreported
 from planlang.protocols import Configuration, RobotInterface, Solution
-from planlang.state import Hold, restored, saved
+from planlang.state import Hold
 from planlang.words import Blank, Option, Text
 from sim import PlanningWorld, PyBulletWorld, Scene, WorldMirror, perturb
+from sim.mirror import become
 from sim.truth import ROBOT
 
 MOST_STARTS = 5000
@@ -74,10 +75,7 @@ def world_at_start(
         message = "no link has a shape (<collision> or <visual>): collisions cannot be checked"
         raise BadInput([error("B015", message, Span(str(robot.urdf)))])
     if held:
-        state = world.world_state(robot.name)
-        for name, hold in held.items():
-            state = state.gripped(name, hold)
-        world = WorldMirror(world, robot.name).at(state)
+        world = WorldMirror(world, robot.name).at(world.world_state(robot.name).gripping(held))
     if start is not None:
         _check_start(world)
     now = world.configuration()
@@ -162,13 +160,14 @@ def take(platform: Platform, truth: PyBulletWorld, held: Mapping[str, Hold]) -> 
     for name, hold in held.items():
         scene, arm = platform.scene, next(arm for arm in platform.scene.arms.all if arm.name == hold.arm)
         base, q = platform.base(), platform.arm_joints(arm)
-        in_hand = scene.belief.state.placed({name: scene.world.link_pose(hold.link) @ hold.offset})
-        fingers = scene.supposing(in_hand).collisions.closed_on(base, arm, q, name)
+        supposed = scene.belief.state.placed({name: scene.world.link_pose(hold.link) @ hold.offset})
+        fingers = scene.supposing(supposed).collisions.closed_on(base, arm, q, name)
         there = Configuration(base, {**state.robots[ROBOT].joints, **(fingers or {})})
-        state = state.with_robot(ROBOT, there).gripped(name, hold)
+        state = state.with_robot(ROBOT, there).placed({name: truth.link_pose(hold.link) @ hold.offset})
+        state = state.gripped(name, hold)
         platform.belief.grasped(name, *hold)
     if held:
-        truth.begin(state)
+        become(truth, ROBOT, state)
 
 
 class RobotExecutive:
@@ -295,7 +294,7 @@ class RobotExecutive:
                 return self.platform.resolver.holds(where)
             case Condition("located", (Location() as where, Object() as what)):
                 return self.platform.resolver.holds(where, what)
-        decided = decide(condition, self.platform.belief, self.platform.scene.world)
+        decided = decide(condition, self.platform.belief, self.platform.scene.mirror.queries)
         if decided is not None:
             return decided
         raise ValueError(
@@ -339,21 +338,14 @@ class RobotExecutive:
         return {"base": list(self.platform.base()), **changed_since(self._start, self._believed())}
 
     def _believed(self) -> dict[str, Any]:
-        platform = self.platform
-        return {
-            "belief": platform.belief.snapshot(),
-            "things": saved(platform.belief.state),
-            "leaning": sorted(platform.leaning),
-        }
+        return {**self.platform.belief.snapshot(), "leaning": sorted(self.platform.leaning)}
 
     def restore(self, changed: Mapping[str, Any]) -> None:
         """Restore the belief from a snapshot. Raises ValueError if it does not fit."""
         platform = self.platform
         try:
             left = with_changes(self._start, changed)
-            known = {body.name for body in platform.scene.world.scene.bodies}
-            platform.belief.happened(restored(platform.belief.state, left["things"], known))
-            platform.belief.restore(left["belief"])
+            platform.belief.restore(left)
             platform.leaning.update(map(str, left["leaning"]))
             self._effects.restored()
         except (KeyError, TypeError, AttributeError) as problem:

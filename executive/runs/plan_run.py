@@ -182,8 +182,7 @@ class Run:
         )
         held = in_hands(robot, subject.map, subject.scene)
         if not assessment.missing or options.force:
-            things = [(hold.link, subject.scene.body(name), hold.offset) for name, hold in held.items()]
-            robot = with_carrying(robot, things, options.long_work)
+            robot = with_carrying(robot, held, subject.scene, options.long_work)
         advice = self._advise_trust(robot, assessment)
         found += (*robot.diagnostics, *assessment.notes(self.files.plan), *advice)
         self._context = partial(self._page_context, subject, tuple(found), advice, assessment.missing)

@@ -307,6 +307,13 @@ def joints_between(joints: Iterable[Joint], base_link: str, tip_link: str) -> tu
     return tuple(reversed(found))
 
 
+def origin_of(element: ElementTree.Element) -> Array:
+    """Read the pose (4, 4) that an element's <origin> states; the identity without one."""
+    origin = element.find("origin")
+    xyz, rpy = (numbers("0 0 0" if origin is None else origin.get(name, "0 0 0")) for name in ("xyz", "rpy"))
+    return rigid(rotation_of(*rpy), np.array(xyz))
+
+
 def _joint(element: ElementTree.Element) -> Joint:
     """Convert the element of a checked joint."""
 
@@ -315,7 +322,6 @@ def _joint(element: ElementTree.Element) -> Joint:
         return numbers(default if child is None else child.get(attribute, default))
 
     kind = element.get("type", "")
-    origin = rigid(rotation_of(*stated("origin", "rpy", "0 0 0")), np.array(stated("origin", "xyz", "0 0 0")))
     axis = np.array(stated("axis", "xyz", DIRECTION))
     lower, upper = _limits(element.find("limit"))
     if kind == "continuous" or _is_endless(element):
@@ -329,7 +335,7 @@ def _joint(element: ElementTree.Element) -> Joint:
     axis = axis / max(float(np.linalg.norm(axis)), 1e-9)
     velocity = stated("limit", "velocity", "0")[0]
     ends = _linked(element, "parent"), _linked(element, "child")
-    return Joint(element.get("name", ""), kind, *ends, origin, axis, lower, upper, velocity, mimic)
+    return Joint(element.get("name", ""), kind, *ends, origin_of(element), axis, lower, upper, velocity, mimic)
 
 
 def _limits(limit: ElementTree.Element | None) -> tuple[float, float]:

@@ -103,41 +103,21 @@ def performs(module: ProcessModule, action: Action) -> bool:
     return not selects(module) or bool(module.performs(action))
 
 
-class WrappedModule(ProcessModule):
-    """Base class of wrappers: forwards all of :class:`ProcessModule` to ``wrapped``."""
+class WrappedModule:
+    """Base class of wrappers: states what ``wrapped`` states, and asks it for the rest of :class:`ProcessModule`."""
 
     def __init__(self, module: ProcessModule) -> None:
-        self._module = module
-
-    @property
-    def wrapped(self) -> ProcessModule:
-        """The wrapped module."""
-        return self._module
-
-    @property
-    def name(self) -> str:
-        """Name of the module in the trace."""
-        return self.wrapped.name
-
-    @property
-    def actions(self) -> Sequence[str]:
-        """Action classes that the module performs."""
-        return self.wrapped.actions
-
-    @property
-    def failures(self) -> Sequence[type[Exception]]:
-        """Failure classes that the module may raise."""
-        return self.wrapped.failures
+        self.wrapped = module
+        self.name = module.name
+        self.actions: Sequence[str] = module.actions
+        self.failures: Sequence[type[Exception]] = module.failures
+        self.selects = selects(module)
+        """True if the module has a ``performs`` of its own."""
 
     @property
     def once(self) -> bool:
         """True if actions must not be executed again when a run is resumed."""
         return bool(getattr(self.wrapped, "once", False))
-
-    @property
-    def selects(self) -> bool:
-        """True if the module has a ``performs`` of its own."""
-        return selects(self.wrapped)
 
     def performs(self, action: Action) -> bool:
         """Check whether the module performs this action of its classes."""
@@ -177,7 +157,7 @@ class RecordedModule(WrappedModule):
         return tuple(self._recorded.answer(question, lambda: needs(action)))
 
     def performs(self, action: Action) -> bool:
-        """Check whether the module performs this action; recorded only if the module :attr:`selects` actions."""
+        """Check whether the module performs this action; recorded only if the module ``selects`` actions."""
         if not self.selects:
             return True
         decide = super().performs

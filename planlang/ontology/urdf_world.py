@@ -23,10 +23,10 @@ from planlang.designators import unused_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, unread
 from planlang.geometry import Array, Pose
 from planlang.geometry.cover import FULL, boxes_of_surface, is_room, is_wide
-from planlang.geometry.matrices import product, rigid, rotation_of
+from planlang.geometry.matrices import product
 from planlang.geometry.mesh import BadMesh, Mesh, mesh_content, mesh_of
 from planlang.geometry.shapes import corners, outline_of
-from planlang.geometry.urdf import Element, Urdf, read_urdf
+from planlang.geometry.urdf import Element, Urdf, origin_of, read_urdf
 from planlang.geometry.urdf_schema import numbers
 from planlang.ontology.terms import MOVED_LINKS, OWL, RDF, URDF_WORLDS, XSD, Literal, expand
 from planlang.ontology.triples import Parsed, Triples, counted
@@ -214,9 +214,7 @@ class _World:
 
     def _shape(self, shape: ElementTree.Element, link: Array) -> list[_Box]:
         """Boxes of a shape in the frame of its link. Raises _Unread."""
-        origin = shape.find("origin")
-        xyz, rpy = (numbers("0 0 0" if origin is None else origin.get(at, "0 0 0")) for at in ("xyz", "rpy"))
-        frame = Pose.from_matrix(rigid(rotation_of(*rpy), np.array(xyz)))
+        frame = Pose.from_matrix(origin_of(shape))
         for solid in (solid for geometry in shape.iter("geometry") for solid in geometry):
             if solid.tag == "mesh":
                 return self._mesh(solid, frame, link)

@@ -9,18 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol
 
 from planlang.changes import Change, Poured, Switched, Transformed, TurnedOver
 from planlang.geometry import Pose
 from planlang.geometry.matrices import upright
 from planlang.geometry.shapes import half_extents
 from planlang.iris import local_name
-from planlang.state.matter import Portion, merged
-from planlang.state.rules import PUDDLE, Rules, Size
+from planlang.state.matter import PUDDLE, ROUNDING, Portion, Size, merged
+from planlang.state.questions import Point, Queries, is_free, is_vessel, thing_of, type_of
 from planlang.state.world import Made, WorldState
-
-Point = tuple[float, float, float]
 
 STANDS = 0.5
 """Cosine of the largest tilt at which a vessel can be filled."""
@@ -28,53 +25,6 @@ BESIDE = 0.02
 """Distance from a vessel at which its overflow lands [m]."""
 ONE_PUDDLE = 0.2
 """Distance up to which a poured substance joins a puddle of the same [m]."""
-ROUNDING = 1e-6
-"""Error of a sum over many steps [s]."""
-
-
-class Thing(Protocol):
-    """What changes need to know of a thing, besides the state."""
-
-    @property
-    def type(self) -> str:
-        """Class of the thing at the start."""
-
-    @property
-    def size(self) -> Size:
-        """Extents along its own axes [m]."""
-
-    @property
-    def capacity(self) -> float:
-        """Capacity as a vessel [ml]; 0 for other things."""
-
-
-class Queries(Protocol):
-    """Answers about any state of one world; an engine computes them, a world without geometry knows of nothing below.
-
-    Poses are in the map.
-    """
-
-    @property
-    def rules(self) -> Rules:
-        """What becomes of things, by their classes."""
-
-    def thing(self, name: str) -> Thing | None:
-        """Look up a thing of the start; None for a name that had no thing then."""
-
-    def pose(self, state: WorldState, name: str) -> Pose:
-        """Locate a thing; one that is held is in the hand."""
-
-    def under(self, state: WorldState, name: str) -> str | None:
-        """Find what a thing lies on."""
-
-    def below(self, state: WorldState, point: Point, but: str) -> tuple[str | None, float]:
-        """Find what is straight below a point, and at what height [m]; the thing ``but`` counts as absent."""
-
-    def rest(self, state: WorldState, name: str) -> Pose | None:
-        """Find where a thing would come to rest if released; None if nothing is below."""
-
-    def heated_by(self, state: WorldState, name: str) -> tuple[str, bool] | None:
-        """Find the device that heats a thing, and whether the thing is inside it."""
 
 
 def apply(change: Change, state: WorldState, queries: Queries) -> tuple[WorldState, float]:
@@ -125,23 +75,6 @@ def warm(state: WorldState, seconds: float, queries: Queries) -> WorldState:
     return state
 
 
-def type_of(state: WorldState, name: str, queries: Queries) -> str:
-    """Class of a thing now, after changes by heat."""
-    return state.matter.types[name][0] if name in state.matter.types else _thing(state, name, queries).type
-
-
-def is_free(state: WorldState, name: str, queries: Queries) -> bool:
-    """Check that no thing has a name, nor ever had it."""
-    return name not in state.made and queries.thing(name) is None
-
-
-def _thing(state: WorldState, name: str, queries: Queries) -> Thing:
-    found = state.made.get(name) or queries.thing(name)
-    if found is None:
-        raise KeyError(f"there is no thing {name!r}")
-    return found
-
-
 # Changes by actions
 
 
@@ -149,7 +82,7 @@ def _transformed(state: WorldState, what: Transformed, queries: Queries) -> Worl
     """Destroy inputs and create outputs; no effect if no input exists."""
     inputs = {name: amount for name, amount in what.things if state.there(name)}
     places = [queries.pose(state, name) for name in (*inputs, *(name for name, _ in what.used)) if state.there(name)]
-    sizes = [_thing(state, name, queries).size for name in inputs]
+    sizes = [thing_of(state, name, queries).size for name in inputs]
     origins = merged(inputs, *map(state.matter.went_into, inputs))
     volume = sum(state.matter.total(name) or amount for name, amount in inputs.items())
     taken = list[Portion]()
@@ -220,11 +153,11 @@ def _poured(state: WorldState, source: str, target: str, amount: float, queries:
     if not portions or not state.there(target):
         return state, 0.0
     state = replace(state, matter=matter)
-    if _thing(state, source, queries).capacity <= 0 and source not in matter.contents and state.there(source):
+    if not is_vessel(state, source, queries) and source not in matter.contents and state.there(source):
         state = _destroyed(state, source)
     pose = queries.pose(state, target)
     x, y, z = pose.position
-    top = z + float(half_extents(pose, _thing(state, target, queries).size)[2])
+    top = z + float(half_extents(pose, thing_of(state, target, queries).size)[2])
     state = _give(state, portions, target, (x, y, top), queries)
     return state, sum(portion.amount for portion in portions)
 
@@ -234,7 +167,7 @@ def _poured(state: WorldState, source: str, target: str, amount: float, queries:
 
 def _give(state: WorldState, portions: Sequence[Portion], target: str, point: Point, queries: Queries) -> WorldState:
     """Put portions into an upright vessel, up to its capacity, or on another thing, at a point."""
-    if _thing(state, target, queries).capacity > 0 and queries.pose(state, target).rotation[2, 2] > STANDS:
+    if is_vessel(state, target, queries) and queries.pose(state, target).rotation[2, 2] > STANDS:
         return _filled(state, portions, target, queries)
     for one in portions:
         if target in state.matter.origins and target in state.matter.contents:
@@ -246,7 +179,7 @@ def _give(state: WorldState, portions: Sequence[Portion], target: str, point: Po
 
 def _filled(state: WorldState, portions: Sequence[Portion], vessel: str, queries: Queries) -> WorldState:
     """Put portions into a vessel; the overflow lands beside it."""
-    body, matter = _thing(state, vessel, queries), state.matter
+    body, matter = thing_of(state, vessel, queries), state.matter
     volume, room = sum(one.amount for one in portions), max(0.0, body.capacity - matter.total(vessel))
     share = 1.0 if volume <= room else room / volume
     matter = matter.cooled(vessel)

@@ -121,6 +121,13 @@ class WorldState:
             grip = replace(grip, others=(*grip.others, hand))
         return replace(self, held={**self.held, name: grip}, away=self.away - {name})
 
+    def gripping(self, held: Mapping[str, Hold]) -> WorldState:
+        """Make the state in which hands hold objects besides, each by one hand."""
+        state = self
+        for name, hand in held.items():
+            state = state.gripped(name, hand)
+        return state
+
     def carried(self) -> frozenset[str]:
         """Collect the held objects and those that stand on them."""
         return frozenset(self.held).union(*(grip.riders for grip in self.held.values()))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, fields
 from typing import Any
 
 from planlang.changes import Change, Output, Transformed
@@ -13,9 +13,8 @@ from planlang.geometry import Pose
 from planlang.misuse import Usage
 from planlang.records import dataclass
 from planlang.state import Made, Matter, Portion, WorldState, apply
-from planlang.state.applying import Point
-from planlang.state.matter import ON
-from planlang.state.rules import PUDDLE, Rules
+from planlang.state.matter import ON, PUDDLE, Rules
+from planlang.state.questions import Point
 from planlang.testing.faults import Fault, Raises
 
 Base = tuple[float, float, float]
@@ -92,28 +91,16 @@ class Belief:
         self.made_up: dict[str, list[Base]] = {}
         """Generated base poses, by location."""
 
-    def restore(
-        self,
-        *,
-        holding: list[str],
-        at: dict[str, Any],
-        facts: dict[str, bool],
-        base: Base,
-        around: str | None,
-        lowered: dict[str, str],
-        revision: int,
-        made_up: dict[str, list[Base]],
-        contents: dict[str, dict[str, float]],
-        heated: dict[str, tuple[float, float]],
-        made: dict[str, list[str]],
-        gone: list[str],
-        on: list[str],
-    ) -> None:
-        """Restore an earlier belief."""
-        self.contents, self.heated, self.made, self.gone, self.on = contents, heated, made, gone, on
-        self.holding[:] = holding
-        self.at, self.facts, self.base, self.around, self.made_up = at, facts, base, around, made_up
-        self.lowered = lowered
+    def tables(self) -> dict[str, Any]:
+        """Return what changes in a run, by name, to be stored; the places that the script states are left out."""
+        changing = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "places"}
+        return {**changing, "made_up": self.made_up}
+
+    def restore(self, tables: Mapping[str, Any], revision: int) -> None:
+        """Restore an earlier belief from its :meth:`tables`; a rule's own references to the held objects stay valid."""
+        self.holding[:] = tables["holding"]
+        for name in self.tables().keys() - {"holding"}:
+            setattr(self, name, tables[name])
         self._last_state, self._revision = self._state(), revision
 
     @property

@@ -186,24 +186,14 @@ class ScriptedExecutive:
 
     def snapshot(self) -> dict[str, Any]:
         """The belief and the remaining applications of rules, as JSON; raises Lost if they cannot be stored."""
-        belief = self.belief
-        state: dict[str, Any] = {"holding": belief.holding, "at": belief.at, "facts": belief.facts, "base": belief.base}
-        state |= {
-            "around": belief.around,
-            "lowered": belief.lowered,
-            "revision": self.revision(),
-            "left": self._left,
-            "used": self._used,
-        }
-        state |= {"made_up": belief.made_up, "contents": belief.contents, "heated": belief.heated}
-        state |= {"made": belief.made, "gone": belief.gone, "on": belief.on}
+        state = {**self.belief.tables(), "revision": self.revision(), "left": self._left, "used": self._used}
         return {key: dump(value) for key, value in state.items()}
 
     def restore(self, left: Mapping[str, Any]) -> None:
         """Restore a snapshot."""
         state = {key: load(value) for key, value in left.items()}
-        self._left, self._used, self._reported = state.pop("left"), state.pop("used"), state["revision"]
-        self.belief.restore(**state)
+        self._left, self._used, self._reported = state["left"], state["used"], state["revision"]
+        self.belief.restore(state, self._reported)
 
 
 def _step_name() -> str | None:

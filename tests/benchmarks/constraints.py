@@ -33,7 +33,7 @@ from constraint_bodies import bodies_around, random_problem_among_boxes  # noqa:
 from constraint_evaluation import beyond, value_of  # noqa: E402
 from constraint_problems import Arms, Matrix, arms_of, random_problem, turn  # noqa: E402
 
-from executive.motion import InverseKinematics, MotionError  # noqa: E402
+from executive.motion import MotionError  # noqa: E402
 from executive.motion.constrained_ends import MotionProblem  # noqa: E402
 from executive.motion.constrained_motion import PhaseMotion, solve_motion  # noqa: E402
 from executive.motion.errors import ConstraintsContradict  # noqa: E402
@@ -217,7 +217,7 @@ def _waypoints(
         last = _projected(problem, chain.fk(beginning[columns])[0], mine)
         if last is None:
             return None
-        row, ik = found[columns], InverseKinematics(chain)
+        row, ik = found[columns], chain
         for step in range(1, WAYPOINTS + 1):
             pose = (
                 last if step == WAYPOINTS else _projected(problem, _between(first, last, step / WAYPOINTS), throughout)

@@ -5,8 +5,8 @@
     python -m tests.benchmarks.faults --scripted 100             scripted runs of bundled recipes, in virtual time
 
 Which requests fail is drawn by the seed, those of recoveries among them; with which failure, too, by the class of the
-action (planlang/testing/failing.py). A run is served when its plan says so and its goal holds in the simulator's truth;
-a plan that says so without is a false success, for which the exit code is 1. So it is if fewer are served than
+action (tests/support/random_faults.py). A run is served when its plan says so and its goal holds in the simulator's
+truth; a plan that says so without is a false success, for which the exit code is 1. So it is if fewer are served than
 ``--least`` asks for.
 """
 
@@ -27,10 +27,10 @@ from executive.sweeps import Row
 from executive.sweeps import run as sweep
 from executive.sweeps.table import wilson
 from planlang.testing import compiled
-from planlang.testing.failing import FailingModule, RandomFaults
 from planlang.testing.running import attempt
 from planlang.testing.script import Script
 from planlang.testing.scripted import ScriptedExecutive
+from tests.support.random_faults import FailingModule, RandomFaults
 from tests.support.scenarios import Scenario, judged_run, parsed
 from tests.support.scenarios.drinks import held
 from tests.support.scenarios.fridge import fetched

@@ -189,7 +189,8 @@ def test_a_robot_that_holds_something_starts_where_that_has_room_too() -> None:
     pole, amigo = Body("pole", Pose((0.0, 0.0, -100.0)), (0.8, 0.03, 0.03)), bind_robot("amigo")
     arm = amigo.arm("right")
     held = Hold(arm.name, arm.tip, Pose((0.35, 0.0, 0.0)))
-    robot, scene = with_carrying(amigo, [(held.link, pole, held.offset)]), Scene((SHELF, pole), (-3, -3, 3, 3))
+    scene = Scene((SHELF, pole), (-3, -3, 3, 3))
+    robot = with_carrying(amigo, {"pole": held}, scene)
     with ExitStack() as stack:
         bare, full = (world_at_start(scene, robot, None, stack, things) for things in ({}, {"pole": held}))
         for world in (bare, full):

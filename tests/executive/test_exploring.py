@@ -36,7 +36,7 @@ def stage(make_stage: MakeStage) -> Stage:
     """A small room of which the robot knows the walls alone."""
     made = make_stage(ROOM, SHELF, CUP, bounds=BOUNDS)
     state = made.belief.snapshot()
-    made.belief.restore({**state, "unknown": ["shelf", "cup"]})
+    made.belief.restore({**state, "belief": {**state["belief"], "unknown": ["shelf", "cup"]}})
     made.platform.observe()
     return made
 

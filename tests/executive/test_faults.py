@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from planlang.designators import action
-from planlang.testing.failing import RandomFaults
 from tests.benchmarks.faults import TASKS, job, scripted
 from tests.support.extras import skip_without_pr2
+from tests.support.random_faults import RandomFaults
 
 
 def test_equal_seeds_fail_equal_requests_about_as_often_as_asked() -> None:

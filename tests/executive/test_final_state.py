@@ -34,7 +34,7 @@ def test_containers_devices_and_vessels_are_told_of_beside_where_things_are() ->
         assert list(state_lines(world, ["cup"])) == ["cup: at rest on oven", "door: left open by 3 degrees"]
         world.set_joint("door", 1.0)
         world.bring_about(Switched("oven", ON))
-        world.changes.matter = world.changes.matter.put("cup", Portion("http://example.org/x#Milk", 50.0, ()))
+        world.matter = world.matter.put("cup", Portion("http://example.org/x#Milk", 50.0, ()))
         told = ["cup: at rest on oven", "cup: holds 50 ml of Milk", "door: open by 57 degrees", "oven: on"]
         assert list(state_lines(world, names)) == told
         world.bring_about(Switched("oven", OFF))

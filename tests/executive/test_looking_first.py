@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from executive.motion import InverseKinematics
+from executive.motion import Chain
 from planlang import at_location, perform
 from planlang.designators import a_location, action
 from planlang.failures import ObjectNotFound
@@ -94,12 +94,12 @@ def test_a_hand_is_where_the_bottle_is_although_it_is_looked_at_from_elsewhere_b
 def test_what_the_robot_itself_hides_is_not_solved_for_one_base_pose_after_another(
     low: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    targets, solve = [0], InverseKinematics.solve
+    targets, solve = [0], Chain.solve
 
     def counted(self, poses, seeds):  # type: ignore[no-untyped-def]
         targets[0] += len(poses)
         return solve(self, poses, seeds)
 
-    monkeypatch.setattr(InverseKinematics, "solve", counted)
+    monkeypatch.setattr(Chain, "solve", counted)
     assert first_of(low).before
     assert targets[0] < 5_000

@@ -42,7 +42,7 @@ def stage(make_stage: MakeStage) -> Stage:
 def forget(belief: Belief, name: str) -> None:
     """Let the robot not know where a thing is."""
     state = belief.snapshot()
-    belief.restore({**state, "unknown": [name]})
+    belief.restore({**state, "belief": {**state["belief"], "unknown": [name]}})
 
 
 def test_of_the_places_that_are_left_that_with_the_highest_likelihood_over_travel_time_is_the_next(

@@ -116,7 +116,7 @@ def public(protocol: type) -> set[str]:
     ],
 )
 def test_the_simulator_and_the_executive_have_all_that_their_protocols_ask_for(protocol: type, kind: type) -> None:
-    given_at_creation = {"rate", "modules", "scene", "steps"}
+    given_at_creation = {"rate", "modules", "scene", "steps", "changed", "simulated"}
     assert public(protocol) - given_at_creation <= set(dir(kind))
 
 

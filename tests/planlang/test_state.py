@@ -1,6 +1,5 @@
 """States of a world are values: a change makes another one, and shares what stays equal."""
 
-import json
 from collections.abc import Mapping
 
 import pytest
@@ -8,9 +7,9 @@ import pytest
 from planlang.changes import Change, Output, Poured, Simulated, Switched, Transformed, TurnedOver
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
-from planlang.state import Hold, Made, Matter, Portion, WorldState, apply, flow, restored, saved, type_of, warm
-from planlang.state.matter import ON
-from planlang.state.rules import Heating, Rules
+from planlang.state import Hold, Made, Matter, Portion, WorldState, apply, flow, warm
+from planlang.state.matter import ON, Heating, Rules
+from planlang.state.questions import type_of
 
 CUP, PLATE = Pose((1.0, 0.0, 0.8)), Pose((1.5, 0.0, 0.8))
 HERE, THERE = Configuration((0.0, 0.0, 0.0), {}), Configuration((1.0, 0.0, 0.0), {"lift": 0.2})
@@ -116,29 +115,6 @@ def test_only_what_is_on_heats() -> None:
     once = warm(state, 5.0, flat)
     assert (once.matter.heated, type_of(once, "egg", flat)) == ({"egg": (5.0, 0.0)}, "Egg")
     assert type_of(warm(once, 5.0, flat), "egg", flat) == "FriedEgg"
-
-
-def test_what_came_to_be_and_what_things_hold_survive_a_trace() -> None:
-    state, _ = apply(CRACKED, START, Flat())
-    left = json.loads(json.dumps(saved(state)))
-    again = restored(START, left, Flat.kinds)
-    assert (again.made, again.matter, saved(again)) == (state.made, state.matter, left)
-    assert again.poses.keys() == {"jug", "table"}, "where the yolk and the shell are is told elsewhere"
-
-
-@pytest.mark.parametrize(
-    ("key", "damage"),
-    [
-        ("matter", {}),
-        ("matter", {"contents": {"nothing": []}}),
-        ("created", [["jug", "Dough", "box", [1, 1, 1], [0, 0, 0, 0, 0, 0, 1]]]),
-        ("created", [["x", "Dough", "box", [1, 1, -1], [0, 0, 0, 0, 0, 0, 1]]]),
-        ("created", 5),
-    ],
-)
-def test_a_damaged_state_is_refused(key: str, damage: object) -> None:
-    with pytest.raises(ValueError, match=r"."):
-        restored(START, {**saved(START), key: damage}, Flat.kinds)
 
 
 PHYSICS = Simulated({"jug": 70.0, "cup": 5.0}, {"cake": 2}, {"stove": 1})

@@ -14,6 +14,7 @@ from planlang.protocols import Configuration
 from sim import Body, CameraModel, PyBulletWorld
 from sim.engine import bullet
 from tests.sim.conftest import AMIGO, MakeWorld
+from tests.support.world_values import value_of
 
 LINK = "openni_rgb_optical_frame"
 LOOKING = {"neck_tilt_joint": 0.2}
@@ -76,10 +77,10 @@ def test_too_near_and_too_far_objects_are_not_recognised(make_world: MakeWorld) 
 
 
 def test_visibility_from_another_configuration_leaves_the_robot_where_it_is(looking: PyBulletWorld) -> None:
-    before = looking.state()
+    before = value_of(looking)
     assert looking.sight("bottle", Configuration((-1.1, 0.9, -1.5708), LOOKING))[0] == 0.0
     assert looking.sight("bottle")[0] > 0.9
-    assert looking.state() == before
+    assert value_of(looking) == before
 
 
 def test_lines_of_sight_name_what_they_hit_first(make_world: MakeWorld) -> None:

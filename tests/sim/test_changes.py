@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 
 from planlang.changes import Output, Switched, Transformed, TurnedOver
 from planlang.geometry import Pose
-from planlang.state.matter import OFF, ON, Matter, Portion
-from planlang.state.rules import Heating, Rules
+from planlang.state.matter import OFF, ON, Heating, Matter, Portion, Rules
+from planlang.state.questions import amount_of, came_to_be, is_baked, type_of, types_of
 from sim import Body, PyBulletWorld, Scene
-from sim.changes import amount_of, came_to_be, is_baked, origins_of
 from sim.engine import bullet
+from sim.mirror import become
+from sim.truth import ROBOT
 from tests.sim.conftest import AMIGO
 
 HAND = "grippoint_right"
@@ -66,27 +67,27 @@ def in_hand(world: PyBulletWorld, name: str, pose: Pose) -> None:
 def test_what_lies_on_a_device_that_is_on_is_heated_from_below_as_long_as_it_does(kitchen: MakeKitchen) -> None:
     world = kitchen(CAKE)
     seconds(world, 1.0)
-    assert world.changes.matter.heated == {}
+    assert world.matter.heated == {}
     world.bring_about(Switched("maker", ON))
     seconds(world, 1.5)
     world.bring_about(Switched("maker", OFF))
     seconds(world, 1.0)
-    assert world.changes.matter.heated["cake"] == pytest.approx((1.5, 0.0))
-    assert world.changes.type_of("cake") == "Dough"
+    assert world.matter.heated["cake"] == pytest.approx((1.5, 0.0))
+    assert type_of(world.world_state(), "cake", world.queries) == "Dough"
 
 
 def test_dough_becomes_a_pancake_and_is_baked_when_both_sides_are(kitchen: MakeKitchen) -> None:
     world = kitchen(CAKE)
     world.bring_about(Switched("maker", ON))
     seconds(world, 2.0)
-    assert world.changes.type_of("cake") == "Pancake"
-    assert world.changes.was_ever("cake", "Dough")
-    assert not is_baked(world.changes, "cake")
+    assert type_of(world.world_state(), "cake", world.queries) == "Pancake"
+    assert types_of(world.world_state(), "cake", world.queries) == ("Pancake", "Dough")
+    assert not is_baked(world.world_state(), "cake", world.queries)
     world.bring_about(TurnedOver("cake"))
     seconds(world, 2.0)
-    assert is_baked(world.changes, "cake")
-    assert is_baked(world.changes, "cake", 2.0)
-    assert not is_baked(world.changes, "cake", 2.5)
+    assert is_baked(world.world_state(), "cake", world.queries)
+    assert is_baked(world.world_state(), "cake", world.queries, 2.0)
+    assert not is_baked(world.world_state(), "cake", world.queries, 2.5)
 
 
 def test_while_nothing_moves_no_ray_is_cast_to_find_what_heats(
@@ -102,7 +103,7 @@ def test_while_nothing_moves_no_ray_is_cast_to_find_what_heats(
     world.set_pose("cake", Pose((1.5, 0.9, 0.754)))
     world.step()
     assert cast
-    assert world.changes.heated_by("cake") is None
+    assert world.queries.heated_by(world.world_state(), "cake") is None
 
 
 def test_heat_goes_through_a_pan_but_not_through_the_air(kitchen: MakeKitchen) -> None:
@@ -111,10 +112,10 @@ def test_heat_goes_through_a_pan_but_not_through_the_air(kitchen: MakeKitchen) -
     world.set_pose("cake", Pose((1.5, 0.0, 0.874)))
     world.bring_about(Switched("maker", ON))
     seconds(world, 0.5)
-    assert world.changes.matter.heated["cake"][0] == pytest.approx(0.5)
+    assert world.matter.heated["cake"][0] == pytest.approx(0.5)
     world.set_pose("cake", Pose((1.5, 0.0, 0.9)))
     seconds(world, 0.5)
-    assert world.changes.matter.heated["cake"][0] == pytest.approx(0.5)
+    assert world.matter.heated["cake"][0] == pytest.approx(0.5)
 
 
 def test_what_is_inside_of_a_device_is_heated_on_all_sides(kitchen: MakeKitchen) -> None:
@@ -122,7 +123,7 @@ def test_what_is_inside_of_a_device_is_heated_on_all_sides(kitchen: MakeKitchen)
     world = kitchen(oven, CAKE)
     world.set_pose("cake", Pose((1.5, -1.5, 0.5)))
     seconds(world, 2.0)
-    assert is_baked(world.changes, "cake")
+    assert is_baked(world.world_state(), "cake", world.queries)
 
 
 # Pouring
@@ -133,17 +134,17 @@ def test_nothing_flows_from_a_vessel_that_is_tilted_less_than_level(kitchen: Mak
     world = kitchen(BOTTLE)
     in_hand(world, "bottle", Pose((1.5, 0.0, 1.2), (math.sin(tilt / 2), 0.0, 0.0, math.cos(tilt / 2))))
     seconds(world, 1.0)
-    assert amount_of(world.changes, "bottle", "Dough") == 200.0
+    assert amount_of(world.world_state(), "bottle", "Dough", world.queries) == 200.0
 
 
 def test_what_flows_lands_on_the_thing_below_and_is_one_body_there(kitchen: MakeKitchen) -> None:
     world = kitchen(BOTTLE)
     in_hand(world, "bottle", Pose((1.5, 0.0, 1.2), UPSIDE_DOWN))
     seconds(world, 2.5)
-    assert amount_of(world.changes, "bottle", "Dough") == pytest.approx(150.0)
-    assert amount_of(world.changes, "maker", "Dough") == pytest.approx(50.0)
-    assert came_to_be(world.changes, "Dough") == ("Dough_on_maker", "bottle")
-    assert origins_of(world.changes, "Dough_on_maker") == ("flour1", "milk1")
+    assert amount_of(world.world_state(), "bottle", "Dough", world.queries) == pytest.approx(150.0)
+    assert amount_of(world.world_state(), "maker", "Dough", world.queries) == pytest.approx(50.0)
+    assert came_to_be(world.world_state(), "Dough", world.queries) == ("Dough_on_maker", "bottle")
+    assert world.matter.went_into("Dough_on_maker") == ("flour1", "milk1")
     assert world.pose("Dough_on_maker").position == pytest.approx((1.5, 0.0, 0.854), abs=1e-6)
 
 
@@ -163,9 +164,9 @@ def test_a_vessel_below_takes_what_it_holds_and_the_rest_lies_beside(kitchen: Ma
     world = kitchen(BOTTLE)
     in_hand(world, "bottle", Pose((1.5, 0.6, 1.2), UPSIDE_DOWN))
     seconds(world, 12.0)
-    assert amount_of(world.changes, "bowl", "Dough") == pytest.approx(100.0)
-    assert amount_of(world.changes, "table", "Dough") == pytest.approx(100.0)
-    assert "bottle" not in world.changes.matter.contents
+    assert amount_of(world.world_state(), "bowl", "Dough", world.queries) == pytest.approx(100.0)
+    assert amount_of(world.world_state(), "table", "Dough", world.queries) == pytest.approx(100.0)
+    assert "bottle" not in world.matter.contents
 
 
 @given(amounts=st.lists(st.floats(0.0, 90.0), max_size=6))
@@ -271,7 +272,7 @@ def test_a_world_that_begins_in_the_state_of_another_goes_on_as_that_one(kitchen
     in_hand(first, "bottle", Pose((1.5, 0.3, 1.2), UPSIDE_DOWN))
     first.bring_about(Switched("maker", ON))
     seconds(first, 1.0)
-    second.begin(first.world_state())
+    become(second, ROBOT, first.world_state())
     for world in (first, second):
         seconds(world, 1.5)
     one, other = first.world_state(), second.world_state()

@@ -55,7 +55,7 @@ def test_a_change_leads_to_another_state_and_leaves_the_one_before(world: Planni
     assert (before.matter.total("cup"), "cup" in before.poses) == (50.0, True)
     assert mirror.at(after).pose("shards") == after.poses["shards"]
     again = mirror.at(before)
-    assert ("shards" in again.names(), again.pose("cup"), again.changes.matter) == (False, before.poses["cup"], matter)
+    assert ("shards" in again.names(), again.pose("cup"), again.matter) == (False, before.poses["cup"], matter)
     assert again.pose("bottle") == Pose(before.poses["bottle"].position, before.poses["bottle"].orientation)
 
 

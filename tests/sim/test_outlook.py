@@ -12,6 +12,7 @@ from sim.engine import bullet
 from sim.outlook import displacements
 from tests.sim.conftest import MakeWorld, grasp, straight
 from tests.support.examples import some
+from tests.support.world_values import value_of
 
 GOALS: tuple[dict[str, float], ...] = (
     {"y": 2.2},
@@ -30,7 +31,7 @@ def steps(world: PyBulletWorld, trajectory: Trajectory, *, disturbed: bool) -> l
         if disturbed:
             world.set_pose("cup", world.pose("cup"))
         world.step()
-        found.append((world.motion("motion"), world.state()))
+        found.append((world.motion("motion"), value_of(world)))
     return found
 
 

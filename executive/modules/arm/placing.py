@@ -79,9 +79,9 @@ class Lowering(HandReaching):
             out = above.copy()
             out[:3, 3] += distance * rotated(scene.bodies.pose(body.name).rotation, direction)
             ends = base @ out, base @ above
-            joints, reached = arm.solver.solve(np.repeat(ends[0][None], len(arm.seeds), axis=0), arm.seeds[:, None])
+            joints, reached = arm.chain.solve(np.repeat(ends[0][None], len(arm.seeds), axis=0), arm.seeds[:, None])
             for q in joints[reached]:
-                if is_free(q) and cartesian_path(arm.solver, q, *ends, is_free).waypoints is not None:
+                if is_free(q) and cartesian_path(arm.chain, q, *ends, is_free).waypoints is not None:
                     return np.asarray(q)
         return None
 

@@ -13,8 +13,8 @@ from executive.locations.demands import asks_for
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.platform import ITERATIONS
 from executive.modules.runner import Skill, first_failure, nothing
-from executive.modules.ways_out import way_out_of_arm
-from executive.motion import MotionError, NoPath, StartInCollision
+from executive.modules.ways_out import planned, way_out_of_arm
+from executive.motion import MotionError, NoPath
 from executive.robots.arms import ArmModel
 from planlang.designators import (
     Action,
@@ -221,17 +221,9 @@ class HandReaching(HandWork):
         iterations: int = ITERATIONS,
     ) -> None:
         """Move to joint positions (d,), or to one of ``others``; an arm that is in collision escapes first."""
-        try:
-            trajectory = await self._planned(arm, goal, touches, label, others, iterations)
-        except ManipulationPoseUnreachable as stuck:
-            if not isinstance(stuck.__cause__, StartInCollision):
-                raise
-            out = way_out_of_arm(self.platform, arm, touches)
-            if out is None:
-                raise
-            await self.follow_to_end(arm.name, out, label)
-            trajectory = await self._planned(arm, goal, touches, label, others, iterations)
-        await self.follow_to_end(arm.name, trajectory, label)
+        plan = partial(self._planned, arm, goal, touches, label, others, iterations)
+        follow = partial(self.follow_to_end, arm.name, what=label)
+        await follow(await planned(plan, partial(way_out_of_arm, self.platform, arm, touches), follow))
 
     async def _planned(
         self, arm: ArmModel, goal: Array, touches: str | None, label: str, others: Sequence[Array], iterations: int

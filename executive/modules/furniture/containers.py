@@ -242,7 +242,7 @@ class LeafWork(HandWork):
         rows = np.concatenate([start[None], path.joints[1:] + whole_turns])
         for cut, timing in product(SHORTER, (time_curve, time_path)):
             trajectory = platform.timed(arm.joints, rows[: max(2, len(rows) - cut)], timing)
-            within = arm.solver.chain.within(trajectory.positions, 1e-6).all()
+            within = arm.chain.within(trajectory.positions, 1e-6).all()
             if within and self._stray(path, trajectory) < STRAY and self._is_free(arm, trajectory):
                 return trajectory
         raise ManipulationPoseUnreachable(arm=arm.name, what=self._joint.handle)
@@ -255,7 +255,7 @@ class LeafWork(HandWork):
 
     def _stray(self, path: LeafPath, trajectory: Trajectory) -> float:
         """Compute the largest distance of the tip from the polyline of the handle's path [m]."""
-        tips = moved(Pose.planar(*path.base).matrix(), path.arm.solver.chain.fk(trajectory.positions)[:, :3, 3])
+        tips = moved(Pose.planar(*path.base).matrix(), path.arm.chain.fk(trajectory.positions)[:, :3, 3])
         line = path.poses[1:, :3, 3]
         starts, edges = line[:-1], np.diff(line, axis=0)
         lengths = np.maximum((edges**2).sum(axis=1), 1e-12)

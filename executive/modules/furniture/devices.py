@@ -186,7 +186,7 @@ class Devices(HandWork):
             unseen = "the robot has no camera to see it, and a push would toggle it: this takes a robot with a camera"
             reason = unseen if is_blind else "it was not seen from any base pose tried"
             raise StateUnknown(f"it is not known whether {device} is on: {reason}", what=device)
-        return self.platform.scene.world.changes.matter.is_on(device)
+        return self.platform.belief.state.matter.is_on(device)
 
     def _control(self, action: Action) -> Control:
         """Find the control of the device that an action names. Raises ActionUnresolvable if there is none."""

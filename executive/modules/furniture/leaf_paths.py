@@ -20,7 +20,7 @@ from executive.locations.hand_solutions import base_matrices
 from executive.locations.rejections import COLLISION, NO_ROOM, NO_WAY, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.locations.standing import Standing
 from executive.modules.furniture.leaf_grips import LAGS, Grips, grips_of
-from executive.motion import InverseKinematics, cartesian_path
+from executive.motion import Chain, cartesian_path
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
 from planlang.failures import LocationUnresolvable
@@ -170,7 +170,7 @@ class LeafPaths:
         scene, bodies = self._scene, self._scene.bodies
         fixed = {name for one in scene.belief.joints.values() for name in (*one.bodies, one.holder)}
         fixed.update(name for name in bodies.names() if bodies.is_room(name))
-        fixed.update(scene.belief.carried())
+        fixed.update(scene.belief.state.carried())
         blocking = (name for name in self.rejected.ordered_blocking() if name not in fixed and name in bodies.names())
         for name in islice(blocking, MOST_TRIED):
             if self.reach(scene=scene.supposing(scene.belief.state.placed({name: None}))):
@@ -245,7 +245,7 @@ class LeafPaths:
     def _unswept(self, bases: Array, values: Array) -> NDArray[np.intp]:
         """Count the leading values (m,) at which the leaf does not overlap bases (m, 3), approximated by circles."""
         joint, scene = self._joint, self._scene
-        leaf, radius = scene.world.scene.body(joint.leaf), 0.8 * scene.base_radius
+        leaf, radius = scene.world.scene.body(joint.leaf), 0.8 * scene.robot.base.radius
         free = np.ones((len(bases), len(values)), bool)
         for number, value in enumerate(values.tolist()):
             pose = joint.motion(value) @ leaf.pose
@@ -286,16 +286,16 @@ def _within_reach(arm: ArmModel, bases: Array, tips: Array) -> tuple[NDArray[np.
     return np.asarray(reached.sum(axis=1)), strain
 
 
-def _lifted(scene: PlanningScene, arm: ArmModel) -> InverseKinematics:
-    """Build the inverse kinematics of an arm, its torso limited to heights without self-collision of the upper body."""
+def _lifted(scene: PlanningScene, arm: ArmModel) -> Chain:
+    """Get the chain of an arm, its torso limited to heights without self-collision of the upper body."""
     if arm.lift is None:
-        return arm.solver
-    chain, column = arm.solver.chain, arm.lift.column
+        return arm.chain
+    chain, column = arm.chain, arm.lift.column
     heights = np.linspace(chain.lower[column], chain.upper[column], HEIGHTS).tolist()
     free = scene.collisions.lifted(arm, heights)
     if len(free) in (0, HEIGHTS):
-        return arm.solver
-    return InverseKinematics(chain.between(arm.lift.joint, min(free), max(free)))
+        return arm.chain
+    return chain.between(arm.lift.joint, min(free), max(free))
 
 
 class _ArmPaths:
@@ -321,7 +321,7 @@ class _ArmPaths:
         lags = np.ones((len(grips), len(LAGS)), bool)
         lags[~grips.turns, 1:] = False
         self._lags = lags
-        self._solver = _lifted(scene, arm)
+        self._chain = _lifted(scene, arm)
 
     def of(self, bases: Array, steps: NDArray[np.intp]) -> Iterator[LeafPath]:
         """Yield paths from base poses (m, 3), from which the leaf can move for ``steps`` values (m,), longest first."""
@@ -354,7 +354,7 @@ class _ArmPaths:
             if not len(active):
                 break
             targets = product(there[rows[active]], self._poses[grips[active], lags[active], k])
-            q, good = self._solver.solve(targets, joints[active, k][:, None])
+            q, good = self._chain.solve(targets, joints[active, k][:, None])
             joints[active, k + 1] = q
             active = active[good & (np.abs(q - joints[active, k]).max(axis=1) < FARTHEST)]
             reached[active] = k + 1
@@ -387,14 +387,14 @@ class _ArmPaths:
         arm, grips = self._arm, self._grips
         rows, numbers = (grid.ravel() for grid in np.indices((len(bases), len(grips))))
         seeds = np.broadcast_to(arm.seeds, (len(rows), *arm.seeds.shape))
-        start, good = self._solver.solve(product(there[rows], grips.starts[numbers]), seeds)
+        start, good = self._chain.solve(product(there[rows], grips.starts[numbers]), seeds)
         kept = np.flatnonzero(good)
-        q, good = self._solver.solve(product(there[rows[kept]], self._before[numbers[kept]]), start[kept][:, None])
+        q, good = self._chain.solve(product(there[rows[kept]], self._before[numbers[kept]]), start[kept][:, None])
         good &= np.abs(q - start[kept]).max(axis=1) < 2 * FARTHEST
         kept, before = kept[good], q[good]
         # Solve the grip again from before the handle, because the arm will come from there: the first solution may be
         # on another branch, to which no straight line leads.
-        q, good = self._solver.solve(product(there[rows[kept]], grips.starts[numbers[kept]]), before[:, None])
+        q, good = self._chain.solve(product(there[rows[kept]], grips.starts[numbers[kept]]), before[:, None])
         kept = kept[good]
         return rows[kept], numbers[kept], before[good], q[good]
 
@@ -413,7 +413,7 @@ class _ArmPaths:
             return None
         poses = np.concatenate([self._before[grip][None], self._poses[grip, lag]])
         ends = product(inverse(base_matrices(np.array([base]))[0]), poses[:2])
-        line = cartesian_path(self._solver, joints[0], ends[0], ends[1], is_free)
+        line = cartesian_path(self._chain, joints[0], ends[0], ends[1], is_free)
         if line.waypoints is None or np.abs(line.waypoints[-1] - joints[1]).max() > 0.1:
             return None
         closed = collisions.closed_on(base, arm, joints[1], handle, fingers)

@@ -12,7 +12,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
-from typing import Protocol
 
 import numpy as np
 
@@ -78,16 +77,6 @@ LOWER = 0.01
 """Difference of heights within which an object is on the same level [m]."""
 
 
-class Goal(Protocol):
-    """Goal of pushing an object."""
-
-    async def is_there(self) -> bool:
-        """Check whether the object is believed to be there."""
-
-    def places(self) -> Iterable[Array]:
-        """Sample map positions (2,) for the object's centre, best first."""
-
-
 @dataclass(frozen=True, slots=True)
 class ToLocation:
     """Goal of having an object at a location, on its current level."""
@@ -137,6 +126,10 @@ class ByDistance:
         away = shift if np.hypot(*shift) > LEAST else self.start - self.platform.base()[:2]
         heading = math.atan2(away[1], away[0])
         return [self.start + self.distance * _ahead(heading + turn) for turn in TURNED]
+
+
+Goal = ToLocation | ByDistance
+"""Goal of pushing an object: whether it is believed to be there, and positions (2,) for its centre, best first."""
 
 
 class ThingStrokes(StrokeWork):
@@ -223,7 +216,7 @@ class ThingStrokes(StrokeWork):
         places = np.column_stack([moved(inverse(before.matrix()), points[:, :3]), points[:, 3]])
         lap = await self.stroke(grounding, plane, places, closed=False)
         link, length = arm.tip, float(np.hypot(*push))
-        progress = arm.solver.chain.fk(lap.positions)[:, :2, 3] @ _ahead(heading - platform.base()[2])
+        progress = arm.chain.fk(lap.positions)[:, :2, 3] @ _ahead(heading - platform.base()[2])
         end = int(progress.argmax())
         poses = {one: platform.belief.pose(one) for one in moving}
         distance: float | None = None

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
-from executive.belief.recognition import EXPLORATION
+from executive.belief.memory import EXPLORATION
 from executive.modules.platform import Platform, PlatformModule
 from planlang.designators import Action, Location, Object, a_posture
 from planlang.failures import DesignatorFailure, LookingFailure, LookingGoalUnreachable, PerceptionFailure

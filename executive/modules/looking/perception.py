@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from executive.belief.recognition import VISION
+from executive.belief.memory import VISION
 from executive.maps.recognition_models import missing_model, needs_model
 from executive.modules.platform import PlatformModule
 from planlang.designators import Action, Object

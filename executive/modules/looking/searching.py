@@ -10,7 +10,7 @@ from dataclasses import field
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.recognition import EXPLORATION, VISION
+from executive.belief.memory import EXPLORATION, VISION
 from executive.belief.scene_collisions import BasePose
 from executive.locations.likely_places import LikelyPlace, Search
 from executive.locations.views import NO_SCREENS

@@ -135,8 +135,8 @@ class Grounding:
             return False
         if of.iri is not None and any(one.iri == of.iri and one.name in belief.names() for one in belief.things):
             return thing.iri == of.iri
-        content = self._platform.scene.world.changes.matter.contents.get(name, {})
-        is_a = self._platform.scene.world.changes.rules.is_a
+        content = belief.state.matter.contents.get(name, {})
+        is_a = self._platform.scene.mirror.queries.rules.is_a
         return belief.is_a(thing, of.type) or any(is_a(one, of.type) for one in content)
 
     def _hand(self, feature: Feature, device: Device) -> tuple[Feature, str, Pose]:
@@ -196,7 +196,7 @@ class Grounding:
     @staticmethod
     def group(motion: GroundedMotion) -> ArmGroup:
         """Combine the arms of a motion into one joint space."""
-        return ArmGroup([arm.solver.chain for arm in motion.arms])
+        return ArmGroup([arm.chain for arm in motion.arms])
 
     def touching(
         self, motion: GroundedMotion, q: Array, base: BasePose | None = None, *, clear: bool = False

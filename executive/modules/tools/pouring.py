@@ -17,6 +17,7 @@ from executive.modules.platform import Platform
 from executive.modules.tools.motion_grounding import GroundedMotion
 from executive.motion.arm_group import ArmGroup
 from executive.robots.arms import ArmModel
+from planlang.changes import Poured
 from planlang.designators import Action, Object
 from planlang.effects import effects_of
 from planlang.failures import AmountNotPoured, VesselEmpty
@@ -28,6 +29,7 @@ from planlang.protocols import Trajectory
 from planlang.records import dataclass
 from planlang.state import flow as state_after_flow
 from planlang.state.matter import KG_PER_ML
+from planlang.state.questions import is_vessel
 
 WITHIN, WITHIN_SHARE = 5.0, 0.05
 """Tolerance of a poured amount: the larger of the two [ml, share]."""
@@ -58,7 +60,7 @@ class Pouring:
 
     def __init__(self, platform: Platform, phase: Phase) -> None:
         self._platform, self._phase = platform, phase
-        self._flow_rate = platform.scene.world.changes.rules.flow_rate
+        self._flow_rate = platform.scene.mirror.queries.rules.flow_rate
 
     @asynccontextmanager
     async def during(
@@ -115,9 +117,9 @@ class Pouring:
     def _flows(self, motion: GroundedMotion, group: ArmGroup, rows: Array) -> Iterator[Flow]:
         """Yield the vessels in the arms of a motion (m, n) that it turns over, or that are being poured from."""
         platform = self._platform
-        changes, number = platform.scene.world.changes, {arm.name: k for k, arm in enumerate(motion.arms)}
+        number = {arm.name: k for k, arm in enumerate(motion.arms)}
         for name, grip in platform.belief.held.items():
-            if grip.arm in number and changes.is_vessel(name):
+            if grip.arm in number and is_vessel(platform.belief.state, name, platform.scene.mirror.queries):
                 arm = number[grip.arm]
                 # z of the vessel's axis in the base's frame, which is level: the axis points down if negative
                 vertical = group.fk(rows, arm)[:, 2, :3] @ grip.offset.matrix()[:3, 2]
@@ -138,10 +140,10 @@ class Pouring:
             pour = Pour(action.type, asked, self._target(motion), until=now())
             if not stated:
                 pour.asked = min(asked, *self._bounds(flow, pour).values())
-        changes, rest = self._platform.scene.world.changes, pour.asked - pour.flowed
+        rest = pour.asked - pour.flowed
         if rest <= 0 or self._flow_rate <= 0:
             return None
-        if changes.matter.total(flow.name) <= 0 and not pour.flowed:
+        if self._platform.belief.state.matter.total(flow.name) <= 0 and not pour.flowed:
             raise VesselEmpty(f"nothing is known to be in {flow.name}", arm=flow.arm.name, what=flow.name)
         for bound, most in self._bounds(flow, pour).items():
             if rest > most + _within(pour.asked):
@@ -154,11 +156,10 @@ class Pouring:
 
     def _bounds(self, flow: Flow, pour: Pour) -> dict[str, float]:
         """Compute the upper bounds of the amount [ml], keyed by the words that describe each bound in a message."""
-        scene = self._platform.scene
-        world = scene.world
-        bounds = {f"{flow.name} holds": world.changes.matter.total(flow.name)}
+        scene, matter = self._platform.scene, self._platform.belief.state.matter
+        bounds = {f"{flow.name} holds": matter.total(flow.name)}
         if pour.into is not None:
-            room = world.scene.body(pour.into).capacity - world.changes.matter.total(pour.into)
+            room = scene.world.scene.body(pour.into).capacity - matter.total(pour.into)
             bounds[f"{pour.into} has room for"] = max(0.0, room)
             if (spare := scene.spare_payload(pour.into)) < math.inf:
                 bounds[f"the payload of what holds {pour.into} allows"] = spare / KG_PER_ML
@@ -196,9 +197,9 @@ class Pouring:
 
     def _target(self, motion: GroundedMotion) -> str | None:
         """Find the vessel among the world objects of a motion; None when pouring onto a surface."""
-        bodies, changes = self._platform.scene.bodies, self._platform.scene.world.changes
-        names = [bodies.bind(one) for one in motion.things]
-        return next((name for name in names if changes.is_vessel(name)), None)
+        scene, state = self._platform.scene, self._platform.belief.state
+        names = [scene.bodies.bind(one) for one in motion.things]
+        return next((name for name in names if is_vessel(state, name, scene.mirror.queries)), None)
 
     def _amount(self, action: Action, flow: Flow) -> tuple[float, bool]:
         """Determine the amount to pour [ml], and whether the plan states it; "pour the mix" states all of it."""
@@ -208,7 +209,7 @@ class Pouring:
             if isinstance(amount, int | float):
                 return float(amount), True
         if any(self._means_content(one.get("object_acted_on"), flow.name) for one in actions):
-            return platform.scene.world.changes.matter.total(flow.name), True
+            return platform.belief.state.matter.total(flow.name), True
         ontology = platform.belief.map.ontology
         ancestors = [expand(cls) for cls in platform.ancestors(action.type)]
         for cls, above in ((action.type, ancestors), (POURING, None)):
@@ -219,11 +220,10 @@ class Pouring:
 
     def _means_content(self, what: object, vessel: str) -> bool:
         """Check whether a designator describes the content of a vessel rather than the vessel itself."""
-        belief, changes = self._platform.belief, self._platform.scene.world.changes
+        belief, is_a = self._platform.belief, self._platform.scene.mirror.queries.rules.is_a
         if not isinstance(what, Object) or belief.means(what, vessel):
             return False
-        content = changes.matter.contents.get(vessel, {})
-        return any(changes.rules.is_a(type, what.type) for type in content)
+        return any(is_a(type, what.type) for type in belief.state.matter.contents.get(vessel, {}))
 
     def _flowed(self, flow: Flow, seconds: float) -> None:
         """Update belief and record: the vessel has flowed for some time [s] into, or onto, what is below."""
@@ -233,9 +233,7 @@ class Pouring:
         before = belief.state.matter
         amount, queries = self._flow_rate * seconds, platform.scene.mirror.queries
         state, flowed, below = state_after_flow(belief.state, flow.name, amount, mouth.position, queries)
-        belief.happened(state)
-        if flowed:
-            belief.poured(flow.name, below or "the floor", flowed)
+        belief.happened(state, Poured(flow.name, below or "the floor", flowed) if flowed else None)
         if pour is not None:
             into = pour.into
             pour.flowed += flowed if into is None else state.matter.total(into) - before.total(into)

@@ -166,7 +166,7 @@ class StrokeWork(ConstrainedWork):
     async def leave(self, arm: ArmModel, lap: Trajectory, what: str) -> None:
         """Retreat from a pushed body ``what`` against the approach of a stroke, back off, and tuck the arms."""
         base = Pose.planar(*self.platform.base()).matrix()
-        await self.back(arm, product(base, arm.solver.chain.fk(lap.positions[[0, -1]])), what)
+        await self.back(arm, product(base, arm.chain.fk(lap.positions[[0, -1]])), what)
 
     def _reaching(self, grounding: Grounding, plane: Plane, points: Array) -> Iterator[BasePose]:
         """Yield base poses from which the arm reaches all waypoints (n, 4), one after the other."""

@@ -248,14 +248,7 @@ class PairPaths:
         there[:3, 3] += shift
         poses = _steps(here, there)
         targets = product(poses[:, None], self.held_tips(name))
-        torsos = np.full((1, len(targets)), self._torso(start))
-        rows, reached = self.pair.along(targets[None], start[None], torsos)
-        base, kept = self.control.base(), [start]
-        for row in rows[0][: reached[0]]:
-            if self._collides(base, row) is not None:
-                break
-            kept.append(row)
-        return np.array(kept)
+        return self._as_far_as_free(targets)
 
     def places(
         self, name: str, poses: Sequence[Pose], bases: Callable[[Pose], Iterable[BasePose]]
@@ -313,12 +306,16 @@ class PairPaths:
         there = here.copy()
         for k, arm in enumerate(self.pair.arms):
             there[k, :3, 3] -= LIFT * (here[k, :3, :3] @ np.asarray(arm.frame.approach))
-        poses = between(here, there)
-        torsos = np.full((1, len(poses)), self._torso(start))
-        rows, reached = self.pair.along(poses[None], start[None], torsos)
-        kept, base = [start], self.control.base()
+        return self._as_far_as_free(between(here, there), name)
+
+    def _as_far_as_free(self, targets: Array, touches: str | None = None) -> Array:
+        """Follow poses of both tips (k, 2, 4, 4) from here, up to a collision; fingers may touch a body."""
+        start, base = self.now(), self.control.base()
+        torsos = np.full((1, len(targets)), self._torso(start))
+        rows, reached = self.pair.along(targets[None], start[None], torsos)
+        kept = [start]
         for row in rows[0][: reached[0]]:
-            if self._collides(base, row, name) is not None:
+            if self._collides(base, row, touches) is not None:
                 break
             kept.append(row)
         return np.array(kept)

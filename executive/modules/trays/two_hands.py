@@ -100,15 +100,22 @@ class TwoHands(HandWork):
         """Grasp the object from the current base pose or others; raises LocationUnresolvable if none works."""
         if name in self.platform.belief.held:
             return
-        pairs, tried = self._pairs(name), list[BasePose]()
+        pairs = self._pairs(name)
         await self.tuck()
 
         async def bases() -> AsyncIterator[BasePose]:
-            if self._is_near(self.platform.scene.bodies.block(name).centre):
+            block, tried = self.platform.scene.bodies.block(name), list[BasePose]()
+            if self._is_near(block.centre):
                 yield self.platform.base()
-            while (base := await self._elsewhere(pairs, name, tried)) is not None:
-                tried.append(base)
-                yield base
+            point, square_on = block.centre[:2], block.yaw + np.arange(4) * math.pi / 2
+            for paths in pairs:
+                standing, arms = self.platform.standing(), paths.pair.arms
+                every = chain(standing.before(point, arms, square_on), standing.before(point, arms))
+                free = (one for one in every if not _is_one_of(one, tried))
+                async for grasp in each(paths.grasps(name, free)):
+                    if not _is_one_of(grasp.base, tried):
+                        tried.append(grasp.base)
+                        yield grasp.base
 
         async def approach(base: BasePose) -> None:
             if base != self.platform.base():
@@ -142,18 +149,6 @@ class TwoHands(HandWork):
             failures=(ManipulationPoseUnreachable,),
             otherwise=partial(_no_path, name),
         ).run()
-
-    async def _elsewhere(self, pairs: Sequence[PairPaths], name: str, tried: Sequence[BasePose]) -> BasePose | None:
-        """Find a base pose, other than those tried, from which both hands can grasp the object, if there is one."""
-        block = self.platform.scene.bodies.block(name)
-        point, square_on = block.centre[:2], block.yaw + np.arange(4) * math.pi / 2
-        for paths in pairs:
-            standing, arms = self.platform.standing(), paths.pair.arms
-            every = chain(standing.before(point, arms, square_on), standing.before(point, arms))
-            bases = (one for one in every if not _is_one_of(one, tried))
-            async for grasp in each(paths.grasps(name, bases)):
-                return grasp.base
-        return None
 
     def _is_near(self, point: Array) -> bool:
         return math.dist(point[:2], self.platform.base()[:2]) <= NEAR

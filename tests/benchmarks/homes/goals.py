@@ -122,7 +122,7 @@ def contains(vessel: str, amount: float) -> Goal:
     """Return the goal that a vessel holds an amount [ml], within 5 ml or 5 %."""
 
     def goal(watched: Watched) -> Iterator[str]:
-        found = watched.world.changes.matter.total(vessel)
+        found = watched.world.matter.total(vessel)
         if abs(found - amount) > max(AMOUNT, AMOUNT_SHARE * amount):
             yield f"{vessel} holds {found:.0f} ml, not {amount:.0f} ml"
 
@@ -133,7 +133,7 @@ def switched(device: str, *, on: bool) -> Goal:
     """Return the goal that a device is on, or off."""
 
     def goal(watched: Watched) -> Iterator[str]:
-        if watched.world.changes.matter.is_on(device) != on:
+        if watched.world.matter.is_on(device) != on:
             yield f"{device} is {'off' if on else 'on'}"
 
     return goal

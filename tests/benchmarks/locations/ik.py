@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import pybullet
 
-from executive.motion import Chain, InverseKinematics
+from executive.motion import Chain
 from executive.robots import Robot
 from planlang.geometry import Array, Pose
 from sim.engine import quiet
@@ -42,14 +42,13 @@ def measure(robot: Robot, number: int) -> list[Row]:
     targets = chain.fk(chain.sample(rng, number))
     middle = np.clip((chain.lower + chain.upper) / 2, -np.pi, np.pi)
     seeds = np.concatenate([np.tile(middle, (number, 1, 1)), chain.sample(rng, (number, SEEDS - 1))], axis=1)
-    solver = InverseKinematics(chain)
-    solver.solve(targets[:10], seeds[:10])
+    chain.solve(targets[:10], seeds[:10])
 
     def batch() -> Array:
-        return solver.solve(targets, seeds)[0]
+        return chain.solve(targets, seeds)[0]
 
     def single() -> Array:
-        return np.stack([solver.solve(targets[i : i + 1], seeds[i : i + 1])[0][0] for i in range(number)])
+        return np.stack([chain.solve(targets[i : i + 1], seeds[i : i + 1])[0][0] for i in range(number)])
 
     rows = [
         _row(robot, "planlang, batch", chain, targets, batch, (TIP, TURN)),

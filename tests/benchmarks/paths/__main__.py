@@ -117,7 +117,7 @@ def _cases(room: Room, robot: Robot) -> Iterator[Case]:
                 base = (float(rng.uniform(x_min, x_max)), float(rng.uniform(y_min, y_max)), float(rng.uniform(-3, 3)))
                 if platform.scene.collisions.contacts(base):
                     continue
-                postures = arm.solver.chain.sample(rng, 60)
+                postures = arm.chain.sample(rng, 60)
                 ends = [q for q in postures if not platform.scene.collisions.contacts(base, arm, q)][:2]
             joints = {**before.joints, **dict(zip(arm.joints, map(float, ends[0]), strict=True))}
             stage.world.set_configuration(Configuration(base, joints))

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from executive.belief import Belief
-from executive.belief.knowledge import Source
 from executive.belief.map_writing import map_text
+from executive.belief.memory import Source
 from executive.belief.obstacles import MOST, NAMES, with_store
 from executive.maps import SemanticMap, read_map, scene_of
-from executive.maps.classes import MapObject
 from executive.robots import Robot, bind_robot
 from planlang.designators import Object, an_object
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
@@ -22,8 +21,9 @@ from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.ontology import load
 from planlang.protocols import Configuration, Detection
-from planlang.state import Grip
+from planlang.state import Grip, Made
 from sim import PlanningWorld, WorldMirror
+from tests.support.world_values import value_of
 
 HERE = (0.0, 0.0, 0.0)
 MAP = "http://example.org/map.owl#"
@@ -247,14 +247,14 @@ def test_the_planning_world_is_as_before_after_it_was_asked_about_other_states(
 ) -> None:
     mirror, hand, cup = WorldMirror(planning, belief.robot), robot.arm("right").hand_link, belief.pose("cup1")
     believed = belief.state
-    before = mirror.at(believed).state()
+    before = value_of(mirror.at(believed))
     elsewhere = believed.placed({"cup1": Pose((-2.0, 0.4, 0.05)), "bottle2": None})
     grip = Grip("right", hand, Pose((0.14, 0.0, 0.0)), believed.poses["bottle1"])
     tucked = elsewhere.with_robot(belief.robot, Configuration(HERE, robot.postures["carrying"]))
     held = replace(tucked, held={"bottle1": grip})
     assert (mirror.at(elsewhere).pose("cup1").position, "bottle2" in planning.names()) == ((-2.0, 0.4, 0.05), False)
     assert mirror.at(held).attached() == {"bottle1": hand}
-    assert mirror.at(believed).state() == before
+    assert value_of(mirror.at(believed)) == before
     assert (belief.pose("cup1"), belief.held) == (cup, {})
 
 
@@ -294,15 +294,31 @@ def test_a_restored_belief_has_the_memory_that_was_left(belief: Belief, semantic
     belief.bind(Object("DrinkingBottle"), HERE)
     belief.not_seen("cup1", HERE)
     belief.not_there("bottle2")
-    belief.came_to_be(
-        MapObject("", "pancake", ("http://knowrob.org/kb/knowrob.owl#Pancake",), None, (0.1, 0.1, 0.01)),
-        Pose((1.0, 1.0, 1.0)),
-    )
+    pancake = Made("Pancake", (0.1, 0.1, 0.01), Pose((1.0, 1.0, 1.0)))
+    poses = {**belief.state.poses, "pancake": pancake.at}
+    belief.happened(replace(belief.state, poses=poses, made={"pancake": pancake}))
+    belief.learn()
     belief.recognises_by(belief.memory.recognition.without("vision"))
     belief.base_moved()
     fresh.restore(json.loads(json.dumps(belief.snapshot())))
     assert fresh.memory == belief.memory
-    assert fresh.state.poses == belief.state.poses
+    assert (fresh.state.poses, fresh.state.made) == (belief.state.poses, belief.state.made)
+
+
+@pytest.mark.parametrize(
+    ("key", "damage"),
+    [
+        ("matter", {}),
+        ("matter", {"contents": {"nothing": []}}),
+        ("created", [["bottle1", "Dough", "box", [1, 1, 1], [0, 0, 0, 0, 0, 0, 1]]]),
+        ("created", [["x", "Dough", "box", [1, 1, -1], [0, 0, 0, 0, 0, 0, 1]]]),
+        ("created", 5),
+    ],
+)
+def test_a_damaged_state_is_refused(belief: Belief, key: str, damage: object) -> None:
+    left = belief.snapshot()
+    with pytest.raises(ValueError, match=r"."):
+        belief.restore({**left, "things": {**left["things"], key: damage}})
 
 
 def test_what_a_person_took_is_out_of_the_planning_world_until_it_is_grasped_again(

@@ -1,6 +1,7 @@
 """A map as a run leaves it behind: what was seen and done is in it, joints that moved, and all else as it was."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -79,7 +80,13 @@ def test_what_is_no_more_has_no_pose_and_what_was_never_seen_keeps_its_own(
         *(thing(name, "Cup", (0.08, 0.08, 0.1)) for name in ("cup1", "cup2")),
         *(seen(name, (x, 0, 0.05)) for x, name in enumerate(("cup1", "cup2"))),
     )
-    updated = left(semantic_map, lambda belief: belief.destroyed("cup1"))
+
+    def destroy_the_cup(belief: Belief) -> None:
+        without = belief.state.placed({"cup1": None})
+        belief.happened(replace(without, matter=without.matter.destroyed("cup1")))
+        belief.learn()
+
+    updated = left(semantic_map, destroy_the_cup)
     assert [thing.name for thing in updated.objects if thing.pose] == ["cup2"]
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import pytest
 
 from executive.locations import Resolver
-from executive.motion import InverseKinematics
+from executive.motion import Chain
 from planlang.failures import LocationUnresolvable
 from planlang.protocols import Solution
 from sim import PlanningWorld
@@ -30,7 +30,7 @@ class Work:
 @pytest.fixture
 def work(monkeypatch: pytest.MonkeyPatch) -> Work:
     """The work done from now on."""
-    done, contacts, solve = Work(), PlanningWorld.contacts, InverseKinematics.solve
+    done, contacts, solve = Work(), PlanningWorld.contacts, Chain.solve
 
     def counted_contacts(self, *arguments, **options):  # type: ignore[no-untyped-def]
         done.checks += 1
@@ -41,7 +41,7 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Work:
         return solve(self, targets, seeds)
 
     monkeypatch.setattr(PlanningWorld, "contacts", counted_contacts)
-    monkeypatch.setattr(InverseKinematics, "solve", counted_solve)
+    monkeypatch.setattr(Chain, "solve", counted_solve)
     monkeypatch.setattr("executive.locations.resolver.explain_bases", lambda *_: None)  # other searches
     return done
 

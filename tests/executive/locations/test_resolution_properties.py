@@ -24,6 +24,7 @@ from planlang.protocols import Configuration, Detection, Solution
 from sim import Body
 from tests.executive.conftest import BOTTLE, CABINET, THE_BOTTLE, WARD, MakeStage, Stage, hold_bottle, stand
 from tests.support.examples import some
+from tests.support.world_values import value_of
 
 LOCATIONS = (
     a_location(in_reach_of=(THE_BOTTLE, a_location(in_center_of=THE_BOTTLE))),
@@ -38,8 +39,8 @@ def snapshot(stage: Stage) -> tuple[object, ...]:
     """Everything that a query must leave alone."""
     belief = stage.belief
     return (
-        stage.truth.state(),
-        stage.planning.state(),
+        value_of(stage.truth),
+        value_of(stage.planning),
         belief.revision,
         tuple((name, belief.pose(name)) for name in belief.names()),
         tuple(belief.held.items()),

@@ -9,7 +9,7 @@ import pytest
 from executive.locations.reachability import GraspClass
 from executive.modules.platform import SHARE
 from executive.motion import MotionError
-from executive.motion.kinematics import InverseKinematics
+from executive.motion.kinematics import Chain
 from executive.robots import CARRYING
 from planlang import perform
 from planlang.designators import a_posture, action
@@ -30,7 +30,7 @@ def hold(stage: Stage, heading: float, roll: int, grasp: GraspClass, place: tupl
     target = np.eye(4)
     target[:3, :3] = grasp.rotations([heading], [roll], arm.frame)[0]
     target[:3, 3] = place
-    q, good = arm.solver.solve(target[None], arm.seeds[None])
+    q, good = arm.chain.solve(target[None], arm.seeds[None])
     stage.truth.set_configuration(Configuration((0.0, 0.0, 0.0), dict(zip(arm.joints, q[0].tolist(), strict=True))))
     stage.platform.observe()
     if not good[0] or stage.truth.contacts():
@@ -61,7 +61,7 @@ def test_each_way_to_the_carrying_posture_keeps_the_bottle_upright(room: Stage, 
     arm = next(arm for arm in room.platform.scene.arms.all if arm.name == "right")
     held = room.platform.scene.arms.held("right")
     assert held is not None
-    chain = arm.solver.chain
+    chain = arm.chain
     for goal in room.platform.arms.postures(arm, CARRYING):
         assert chain.fk(goal)[0, 2, :3] @ held.up == pytest.approx(1.0, abs=1e-5)
         try:
@@ -84,7 +84,7 @@ def test_postures_that_were_found_once_are_kept(room: Stage, monkeypatch: pytest
     assert hold(room, 0.4, 1, GraspClass.SIDE, (0.45, -0.25, 0.97))
     arm = next(arm for arm in room.platform.scene.arms.all if arm.name == "right")
     found = room.platform.arms.postures(arm, CARRYING)
-    monkeypatch.setattr(InverseKinematics, "solve", lambda *_: pytest.fail("solved again"))
+    monkeypatch.setattr(Chain, "solve", lambda *_: pytest.fail("solved again"))
     assert np.array_equal(room.platform.arms.postures(arm, CARRYING), found)
 
 

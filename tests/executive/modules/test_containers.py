@@ -108,7 +108,7 @@ def test_the_way_of_a_leaf_begins_as_the_arm_comes_straight_to_its_handle(stack:
     ways = LeafPaths(stage.platform.scene, joint).towards(joint.upper, [arm], joint.first_open)
     for way in islice((one for one in ways if one is not None), 10):
         ends = product(inverse(base_matrices(np.array([way.base]))[0]), way.poses[:2])
-        line = cartesian_path(arm.solver, way.before, ends[0], ends[1], lambda q: True)
+        line = cartesian_path(arm.chain, way.before, ends[0], ends[1], lambda q: True)
         assert line.waypoints is not None
         assert line.waypoints[-1] == pytest.approx(way.joints[0], abs=0.01)
 

@@ -37,13 +37,13 @@ def test_a_device_is_turned_on_and_off_by_its_button(stack: ExitStack) -> None:
     stage = room(stack, (TABLE, MAKER, button()))
     device = stage.designator("maker")
     stage.do(ON, "maker")
-    assert stage.truth.changes.matter.is_on("maker")
+    assert stage.truth.matter.is_on("maker")
     assert stage.executive.holds(Condition("switched_on", (device,)))
     before = stage.truth.steps
     stage.do(ON, "maker")
     assert stage.truth.steps <= before + 1, "what is on is left alone"
     stage.do(OFF, "maker")
-    assert not stage.truth.changes.matter.is_on("maker")
+    assert not stage.truth.matter.is_on("maker")
     assert not stage.executive.holds(Condition("switched_on", (device,)))
 
 
@@ -89,7 +89,7 @@ def test_fingers_may_touch_the_device_whose_button_they_push_but_the_palm_may_no
     (arm,) = platform.scene.arms.all
     base = (0.0, 0.0, 0.0)
     tip = rigid(arm.frame.rotation(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])), np.array([0.6, 0.0, 0.8]))
-    q, good = arm.solver.solve(tip[None], arm.seeds[None])
+    q, good = arm.chain.solve(tip[None], arm.seeds[None])
     assert good[0], "the hand is well inside the device"
     motion = GroundedMotion((), (arm,), {}, {})
     met = {
@@ -107,7 +107,7 @@ def test_fingers_may_touch_the_device_whose_button_they_push_but_the_palm_may_no
 def test_a_button_that_no_map_has_is_pushed_where_the_device_would_have_it(stack: ExitStack) -> None:
     stage = room(stack, (TABLE, thing("maker", "PancakeMaker", *_at())))
     stage.do(ON, "maker")
-    assert stage.truth.changes.matter.is_on("maker")
+    assert stage.truth.matter.is_on("maker")
 
 
 @pytest.mark.long
@@ -116,7 +116,7 @@ def test_a_device_stays_off_whose_button_the_hand_did_not_meet(stack: ExitStack)
     stage = room(stack, (TABLE, MAKER, button()), truth=(TABLE, bare))
     with pytest.raises(HandleNotReachable, match="failed"):
         stage.do(ON, "maker")
-    assert not stage.truth.changes.matter.is_on("maker")
+    assert not stage.truth.matter.is_on("maker")
     assert not stage.executive.holds(Condition("switched_on", (stage.designator("maker"),)))
 
 
@@ -127,10 +127,10 @@ def test_a_device_is_looked_at_and_not_switched_by_what_the_map_says(
 ) -> None:
     """The map says off."""
     stage = room(stack, (TABLE, MAKER, button()))
-    matter = stage.truth.changes.matter
-    stage.truth.changes.matter = matter.switched("maker", "DeviceStateOn" if is_on else "DeviceStateOff")
+    matter = stage.truth.matter
+    stage.truth.matter = matter.switched("maker", "DeviceStateOn" if is_on else "DeviceStateOff")
     stage.do(kind, "maker")
-    assert stage.truth.changes.matter.is_on("maker") is (kind == ON)
+    assert stage.truth.matter.is_on("maker") is (kind == ON)
     assert stage.executive.holds(Condition("switched_on", (stage.designator("maker"),))) is (kind == ON)
 
 
@@ -143,9 +143,9 @@ def test_a_device_with_a_dead_button_is_reported(stack: ExitStack, monkeypatch: 
 
 def test_a_device_that_cannot_be_seen_from_the_start_is_looked_at_from_elsewhere(stack: ExitStack) -> None:
     stage = room(stack, (TABLE, MAKER, button()), start=(-1.2, 0.0, 3.14))
-    stage.truth.changes.matter = stage.truth.changes.matter.switched("maker", "DeviceStateOn")
+    stage.truth.matter = stage.truth.matter.switched("maker", "DeviceStateOn")
     stage.do(ON, "maker")
-    assert stage.truth.changes.matter.is_on("maker")
+    assert stage.truth.matter.is_on("maker")
     assert abs(stage.truth.configuration().base[2] - 3.14) > 0.5
 
 
@@ -153,7 +153,7 @@ def test_a_robot_without_a_camera_pushes_no_button_whose_device_it_cannot_see(st
     stage = room(stack, (TABLE, MAKER, button()), "panda")
     with pytest.raises(StateUnknown, match=r"not known whether maker is on: .* takes a robot with a camera"):
         stage.do(ON, "maker")
-    assert not stage.truth.changes.matter.is_on("maker")
+    assert not stage.truth.matter.is_on("maker")
 
 
 def test_a_knob_that_the_map_has_turned_has_its_device_on(stack: ExitStack) -> None:
@@ -172,7 +172,7 @@ def test_a_knob_that_the_map_has_turned_has_its_device_on(stack: ExitStack) -> N
 def test_a_button_that_is_seen_elsewhere_is_pushed_there(stack: ExitStack) -> None:
     stage = room(stack, (TABLE, MAKER, button()), truth=(TABLE, MAKER, button(0.12)))
     stage.do(ON, "maker")
-    assert stage.truth.changes.matter.is_on("maker")
+    assert stage.truth.matter.is_on("maker")
 
 
 @pytest.mark.long
@@ -185,10 +185,10 @@ def test_a_knob_is_turned_and_turned_back(stack: ExitStack) -> None:
     assert (control.body, control.turns) == ("knob", True)
     stage.do(ON, "oven")
     assert stage.truth.joint("knob") > 0.7
-    assert stage.truth.changes.matter.is_on("oven")
+    assert stage.truth.matter.is_on("oven")
     stage.do(OFF, "oven")
     assert stage.truth.joint("knob") < 0.1
-    assert not stage.truth.changes.matter.is_on("oven")
+    assert not stage.truth.matter.is_on("oven")
 
 
 def test_what_is_no_device_cannot_be_turned_on(stack: ExitStack) -> None:

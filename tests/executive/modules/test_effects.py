@@ -44,9 +44,9 @@ from planlang.failures import ActionUnresolvable, GoalNotAchieved, ObjectNotTurn
 from planlang.geometry import Pose
 from planlang.ontology import load
 from planlang.protocols import RobotInterface
+from planlang.state.questions import amount_of, came_to_be, is_baked
 from planlang.testing import compiled
 from sim import PlanningWorld, PyBulletWorld
-from sim.changes import amount_of, came_to_be, is_baked, origins_of
 from tests.support.kitchen import THINGS, kitchen_map
 from tests.support.noisy_camera import NoisyCamera
 
@@ -165,7 +165,7 @@ def test_cracking_an_egg_destroys_it_and_leaves_shell_and_yolk(kitchen: Make) ->
     for names in (cook.truth.names(), cook.belief.names()):
         assert "egg1" not in names
         assert {"Eggshell_1", "EggYolk-Food_1"} <= set(names)
-    assert origins_of(cook.truth.changes, "EggYolk-Food_1") == ("egg1",)
+    assert cook.truth.matter.went_into("EggYolk-Food_1") == ("egg1",)
     assert cook.truth.support("Eggshell_1") == "table1"
     assert cook.executive.holds(destroyed(EGG))
     assert cook.executive.holds(created(YOLK))
@@ -182,16 +182,16 @@ def test_effects_come_true_in_the_world_whose_interface_is_decorated(kitchen: Ma
 
 def test_cracking_what_is_no_egg_changes_nothing(kitchen: Make) -> None:
     cook = kitchen()
-    state, revision = cook.truth.changes.matter.snapshot(), cook.executive.revision()
+    state, revision = cook.truth.matter.snapshot(), cook.executive.revision()
     cook.run(do("Cracking", object_acted_on=MILK))
-    assert cook.truth.changes.matter.snapshot() == state
+    assert cook.truth.matter.snapshot() == state
     assert cook.executive.revision() == revision
 
 
 def test_a_yolk_cracked_into_a_bowl_is_its_content(kitchen: Make) -> None:
     cook = kitchen()
     cook.run(do("Cracking", object_acted_on=EGG, to_location=a_location(in_=BOWL)))
-    assert amount_of(cook.truth.changes, "bowl1", "EggYolk-Food") == 20.0
+    assert amount_of(cook.truth.world_state(), "bowl1", "EggYolk-Food", cook.truth.queries) == 20.0
     assert cook.executive.holds(contains(BOWL, YOLK, 20.0))
     assert not cook.executive.holds(contains(BOWL, YOLK, 21.0))
     assert "Eggshell_1" in cook.truth.names()
@@ -206,9 +206,9 @@ def test_what_several_steps_mix_is_one_dough_of_all(kitchen: Make) -> None:
         await perform(action("Mixing", object_acted_on=(DOUGH, YOLK)))
 
     cook.run(mix)
-    assert came_to_be(cook.truth.changes, "Dough") == ("bowl1",)
-    assert origins_of(cook.truth.changes, "bowl1") == ("EggYolk-Food_1", "egg1", "flour1", "milk1")
-    assert amount_of(cook.truth.changes, "bowl1", "Dough") == 220.0
+    assert came_to_be(cook.truth.world_state(), "Dough", cook.truth.queries) == ("bowl1",)
+    assert cook.truth.matter.went_into("bowl1") == ("EggYolk-Food_1", "egg1", "flour1", "milk1")
+    assert amount_of(cook.truth.world_state(), "bowl1", "Dough", cook.truth.queries) == 220.0
     assert all(cook.executive.holds(transformed_into(one, DOUGH)) for one in (EGG, MILK, FLOUR))
 
 
@@ -216,9 +216,10 @@ def test_an_amount_is_poured_from_where_the_substance_is(kitchen: Make) -> None:
     cook = kitchen()
     mix = an_object("PancakeMix", KITCHEN + "mix1")
     cook.run(do("PouringSomethingOnto", object_acted_on=mix, to_location=MAKER, amount=80.0))
-    for changes in (cook.truth.changes, cook.executive.platform.scene.world.changes):
-        assert amount_of(changes, "cup1", "PancakeMix") == pytest.approx(120.0)
-        assert amount_of(changes, "maker1", "PancakeMix") == pytest.approx(80.0)
+    scene = cook.executive.platform.scene
+    for state, queries in ((cook.truth.world_state(), cook.truth.queries), (cook.belief.state, scene.mirror.queries)):
+        assert amount_of(state, "cup1", "PancakeMix", queries) == pytest.approx(120.0)
+        assert amount_of(state, "maker1", "PancakeMix", queries) == pytest.approx(80.0)
     cook.run(do("Pouring", object_acted_on=thing("cup1"), to_location=BOWL))
     assert cook.executive.holds(contains(BOWL, mix, 50.0))
 
@@ -227,8 +228,9 @@ def test_an_amount_is_poured_from_where_the_substance_is(kitchen: Make) -> None:
 def test_what_motions_have_poured_is_not_poured_again(kitchen: Make, asked: float, there: float) -> None:
     cook = kitchen(Pourer)
     cook.run(do("Pouring", object_acted_on=thing("cup1"), to_location=MAKER, amount=asked))
-    assert amount_of(cook.truth.changes, "maker1", "PancakeMix") == pytest.approx(there, abs=1.0)
-    assert amount_of(cook.truth.changes, "cup1", "PancakeMix") == pytest.approx(200.0 - there, abs=1.0)
+    state, queries = cook.truth.world_state(), cook.truth.queries
+    assert amount_of(state, "maker1", "PancakeMix", queries) == pytest.approx(there, abs=1.0)
+    assert amount_of(state, "cup1", "PancakeMix", queries) == pytest.approx(200.0 - there, abs=1.0)
     assert cook.executive.holds(contains(MAKER, an_object("PancakeMix"), asked))
 
 
@@ -237,9 +239,9 @@ def test_what_modules_of_earlier_versions_leave_to_physics_is_only_believed(kitc
     cook.run(do("Pouring", object_acted_on=thing("cup1"), to_location=MAKER))
     mix = an_object("PancakeMix")
     assert cook.executive.holds(contains(MAKER, mix, 50.0))
-    assert amount_of(cook.truth.changes, "maker1", "PancakeMix") == 0.0
+    assert amount_of(cook.truth.world_state(), "maker1", "PancakeMix", cook.truth.queries) == 0.0
     cook.run(do("TurningOnPoweredDevice", object_acted_on=MAKER))
-    assert cook.truth.changes.matter.is_on("maker1")
+    assert cook.truth.matter.is_on("maker1")
 
 
 def test_dough_on_a_pancake_maker_bakes_while_the_robot_waits_and_is_baked_when_it_was_turned(kitchen: Make) -> None:
@@ -261,10 +263,8 @@ def test_dough_on_a_pancake_maker_bakes_while_the_robot_waits_and_is_baked_when_
     assert done == [(False, True), (True, True)]
     assert cook.executive.holds(switched_on(MAKER))
     assert cook.truth.pose("Dough_on_maker1").rotation[2, 2] == pytest.approx(1.0), "turned twice"
-    assert is_baked(cook.truth.changes, "Dough_on_maker1", 60.0)
-    seconds = [
-        world.changes.matter.heated["Dough_on_maker1"] for world in (cook.truth, cook.executive.platform.scene.world)
-    ]
+    assert is_baked(cook.truth.world_state(), "Dough_on_maker1", cook.truth.queries, 60.0)
+    seconds = [world.matter.heated["Dough_on_maker1"] for world in (cook.truth, cook.executive.platform.scene.world)]
     assert seconds[0] == pytest.approx(seconds[1], abs=1.5)
 
 
@@ -278,11 +278,11 @@ def test_the_real_recipe_for_pancakes_reaches_its_goal(kitchen: Make, corpus: Pa
         await make()
 
     cook.run(all_of_it)
-    changes = cook.truth.changes
-    (pancake,) = (name for name in came_to_be(changes, "Pancake") if changes.under(name) == "maker1")
-    assert origins_of(changes, pancake)[-3:] == ("egg1", "flour1", "milk1")
+    state, queries = cook.truth.world_state(), cook.truth.queries
+    (pancake,) = (one for one in came_to_be(state, "Pancake", queries) if queries.under(state, one) == "maker1")
+    assert state.matter.went_into(pancake)[-3:] == ("egg1", "flour1", "milk1")
     assert cook.truth.pose(pancake).rotation[2, 2] == pytest.approx(-1.0)
-    assert changes.matter.heated[pancake][0] >= 60.0 - 1e-6
+    assert state.matter.heated[pancake][0] >= 60.0 - 1e-6
 
 
 def test_effects_of_a_users_class_are_declared_in_the_map_or_stated_by_the_step(kitchen: Make) -> None:

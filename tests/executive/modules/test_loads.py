@@ -8,6 +8,7 @@ from functools import partial
 import pytest
 
 from planlang import perform
+from planlang.changes import Poured
 from planlang.designators import Object, a_location, action, an_object
 from planlang.failures import TooHeavy
 from planlang.geometry import Pose
@@ -38,8 +39,8 @@ def test_the_water_in_a_jug_counts_for_one_hand(make_stage: MakeStage) -> None:
     stage = make_stage(CABINET, JUG)
     assert refused(stage, THE_JUG).mass == pytest.approx(1.7)
     state = stage.belief.state
-    stage.belief.happened(replace(state, matter=state.matter.take("jug", 1000.0)[0]))
-    stage.belief.poured("jug", "the floor", 1000.0)
+    poured = Poured("jug", "the floor", 1000.0)
+    stage.belief.happened(replace(state, matter=state.matter.take("jug", 1000.0)[0]), poured)
     next(stage.resolver.bases(a_location(in_reach_of=THE_JUG)))
 
 

@@ -71,7 +71,7 @@ def test_where_the_robot_taken_for_round_has_room_it_touches_nothing(make_stage:
     hold_bottle(stage)
     scene = stage.platform.scene
     places = np.random.default_rng(0).uniform((-4.0, -2.0, -math.pi), (3.0, 3.0, math.pi), (400, 3))
-    room = clearance_at(places[:, :2], scene.collisions.obstacles(), scene.collisions.silhouette())
+    room = clearance_at(places[:, :2], scene.collisions.obstacles(), scene.world.silhouette())
     touching = np.array([bool(scene.collisions.contacts((x, y, yaw))) for x, y, yaw in places.tolist()])
     assert 20 < touching.sum() < len(places) - 20
     assert not touching[room >= ROOMY].any()

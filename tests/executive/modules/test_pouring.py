@@ -62,7 +62,7 @@ def test_when_the_vessel_is_lost_in_mid_pour_only_the_rest_is_poured(
 
     def poured(watched: Watched) -> Iterator[str]:
         """The amount is in the pan, and was poured in two parts."""
-        amount = watched.world.changes.matter.total("PancakeMix_on_pan1")
+        amount = watched.world.matter.total("PancakeMix_on_pan1")
         if over[0] <= 60 or abs(amount - 120.0) > 1.0:
             yield f"{amount:.1f} ml were poured in {over[0]} steps"
 
@@ -134,7 +134,7 @@ def poured(folder: Path, amount: float, content: str, goal: Callable[[Watched], 
 @pytest.mark.long
 def test_amigo_pours_the_amount_between_two_things_on_one_table(tmp_path: Path) -> None:
     def right(watched: Watched) -> Iterator[str]:
-        if abs((amount := watched.world.changes.matter.total("bowl1")) - 100.0) > 5.0:
+        if abs((amount := watched.world.matter.total("bowl1")) - 100.0) > 5.0:
             yield f"bowl1 holds {amount:.0f} ml"
 
     found = poured(tmp_path, 100.0, WATER, right)
@@ -154,7 +154,7 @@ def test_where_a_vessel_would_be_turned_too_slowly_it_is_held_over_once_more_and
         return whole(pouring, action, *motion)
 
     def right(watched: Watched) -> Iterator[str]:
-        if abs((amount := watched.world.changes.matter.total("bowl1")) - 100.0) > 5.0:
+        if abs((amount := watched.world.matter.total("bowl1")) - 100.0) > 5.0:
             yield f"bowl1 holds {amount:.0f} ml"
 
     whole = Pouring.too_slow
@@ -177,7 +177,7 @@ def test_a_vessel_is_turned_back_as_it_was_turned_over_where_another_way_would_t
         return [replace(one, trajectory=slowed(one.trajectory, 5.0 if back else 1.0)) for one in found]
 
     def right(watched: Watched) -> Iterator[str]:
-        if abs((amount := watched.world.changes.matter.total("bowl1")) - 100.0) > 5.0:
+        if abs((amount := watched.world.matter.total("bowl1")) - 100.0) > 5.0:
             yield f"bowl1 holds {amount:.0f} ml"
 
     solved = constrained_motions.solve_motion
@@ -200,7 +200,7 @@ def test_nothing_is_poured_if_the_amount_is_not_there(
     tmp_path: Path, amount: float, content: str, failure: str, said: str
 ) -> None:
     def untouched(watched: Watched) -> Iterator[str]:
-        if watched.world.changes.matter.total("bowl1") > 0:
+        if watched.world.matter.total("bowl1") > 0:
             yield "something was poured"
 
     found = poured(tmp_path, amount, content, untouched)

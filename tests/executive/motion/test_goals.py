@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.motion import Gaze, GoalInCollision, MotionError, StartInCollision, time_curve
-from executive.motion.kinematics import Chain, InverseKinematics
+from executive.motion.kinematics import Chain
 from executive.motion.trajectories import LARGEST_STRAY, cartesian_path, keeps_line
 from executive.robots import bind_robot
 from executive.robots.arms import gaze_of
@@ -26,17 +26,17 @@ from tests.support.examples import examples
 
 
 @pytest.fixture(scope="module")
-def panda_ik(chain_of: Callable[[str], Chain]) -> InverseKinematics:
+def panda_ik(chain_of: Callable[[str], Chain]) -> Chain:
     """Inverse kinematics of the Panda."""
-    return InverseKinematics(chain_of("panda"))
+    return chain_of("panda")
 
 
 READY = np.array([0.0, -0.6, 0.0, -2.2, 0.0, 1.6, 0.8])
 
 
 @pytest.mark.parametrize("turn", [0.0, 1e-7, 0.4, -1.9, -3.1, -np.pi + 1e-4, -np.pi + 1e-6])
-def test_tip_moves_on_a_straight_line_and_turns_evenly(panda_ik: InverseKinematics, turn: float) -> None:
-    chain = panda_ik.chain
+def test_tip_moves_on_a_straight_line_and_turns_evenly(panda_ik: Chain, turn: float) -> None:
+    chain = panda_ik
     start = chain.fk(READY)[0]
     goal = start.copy()
     goal[:3, 3] += 0.1, 0.05, -0.12
@@ -61,9 +61,9 @@ def test_tip_moves_on_a_straight_line_and_turns_evenly(panda_ik: InverseKinemati
     ],
 )
 def test_line_that_breaks_says_why(
-    panda_ik: InverseKinematics, move: tuple[float, float, float], is_free: Callable[[Array], bool], said: str
+    panda_ik: Chain, move: tuple[float, float, float], is_free: Callable[[Array], bool], said: str
 ) -> None:
-    start = panda_ik.chain.fk(READY)[0]
+    start = panda_ik.fk(READY)[0]
     goal = start.copy()
     goal[:3, 3] += move
     line = cartesian_path(panda_ik, READY, start, goal, is_free, largest_step=7.0)
@@ -71,8 +71,8 @@ def test_line_that_breaks_says_why(
     assert said in line.reason
 
 
-def test_jump_of_a_joint_breaks_the_line(panda_ik: InverseKinematics) -> None:
-    start = panda_ik.chain.fk(READY)[0]
+def test_jump_of_a_joint_breaks_the_line(panda_ik: Chain) -> None:
+    start = panda_ik.fk(READY)[0]
     goal = start.copy()
     goal[:3, 3] += 0.0, 0.3, 0.0
     line = cartesian_path(panda_ik, READY, start, goal, lambda q: True, steps=2, largest_step=0.05)
@@ -81,8 +81,8 @@ def test_jump_of_a_joint_breaks_the_line(panda_ik: InverseKinematics) -> None:
 
 
 @pytest.mark.parametrize("steps", [1, 2, 3])
-def test_steps_are_halved_until_the_tip_keeps_its_line_between_them(panda_ik: InverseKinematics, steps: int) -> None:
-    chain = panda_ik.chain
+def test_steps_are_halved_until_the_tip_keeps_its_line_between_them(panda_ik: Chain, steps: int) -> None:
+    chain = panda_ik
     start = chain.fk(READY)[0]
     goal = start.copy()
     goal[:3, 3] += 0.1, 0.25, -0.1
@@ -140,7 +140,7 @@ def test_a_goal_inside_of_the_robot_is_refused_with_both_links(make_stage: MakeS
     arm = platform.scene.arms.all[0]
     goal = next(
         q
-        for q in arm.solver.chain.sample(np.random.default_rng(0), 500)
+        for q in arm.chain.sample(np.random.default_rng(0), 500)
         if platform.scene.collisions.contacts(platform.base(), arm, q)
     )
     with pytest.raises(GoalInCollision) as refused:
@@ -170,7 +170,7 @@ def test_a_straight_line_whose_curve_swings_over_a_limit_is_followed_with_stops(
     make_stage: MakeStage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     platform = make_stage().platform
-    arm, chain, base = platform.scene.arms.all[0], platform.scene.arms.all[0].solver.chain, platform.base()
+    arm, chain, base = platform.scene.arms.all[0], platform.scene.arms.all[0].chain, platform.base()
     curves: list[Array] = []
 
     def watched(*arguments: Any, **limits: Any) -> Trajectory:

@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.motion.kinematics import Chain, InverseKinematics
+from executive.motion.kinematics import Chain
 from planlang.geometry import Array, Pose
 from planlang.geometry.urdf import NoSuchChain
 from tests.support.refusals import refusal
@@ -205,10 +205,10 @@ def test_a_chain_of_which_nothing_moves_has_a_tip_and_no_frames(chain_of: Callab
 def test_kinematics_need_no_program_of_the_machine(urdf_of: Callable[[str], Path], tmp_path: Path) -> None:
     code = f"""
 import numpy as np, pathlib
-from executive.motion import Chain, InverseKinematics
+from executive.motion import Chain
 chain = Chain.from_urdf(pathlib.Path({str(urdf_of("amigo"))!r}), "base_link", "grippoint_right")
 q = (chain.lower + chain.upper)[None] / 2
-assert InverseKinematics(chain).solve(chain.fk(q), q[:, None] + 0.02)[1].all()
+assert chain.solve(chain.fk(q), q[:, None] + 0.02)[1].all()
 """
     bare = {"PATH": "", "CC": "/nonexistent", "XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(Path.cwd())}
     subprocess.run([sys.executable, "-c", code], env=bare, check=True)
@@ -223,7 +223,7 @@ def test_a_row_is_the_same_alone_and_among_many(chain_of: Callable[[str], Chain]
         np.testing.assert_array_equal(chain.fk(q[row])[0], many[row])
         np.testing.assert_array_equal(chain.jacobian(q[row])[0], jacobians[row])
         np.testing.assert_array_equal(chain.frames(q[row])[0], frames[row])
-    solver, seeds = InverseKinematics(chain), (q + 0.05)[:, None]
+    solver, seeds = chain, (q + 0.05)[:, None]
     found, solved = solver.solve(many, seeds)
     assert solved.all()
     for row in (0, 299):
@@ -371,7 +371,7 @@ def test_a_chain_with_a_mimic_solves_its_own_poses() -> None:
     q = chain.sample(np.random.default_rng(0), 20)
     assert_is_derivative(chain, q)
     np.testing.assert_allclose(chain.frames(q)[:, -1], chain.fk(q), atol=1e-12)
-    found, ok = InverseKinematics(chain).solve(chain.fk(q), (q + 0.02)[:, None])
+    found, ok = chain.solve(chain.fk(q), (q + 0.02)[:, None])
     assert ok.all()
     assert chain.within(found).all()
     np.testing.assert_allclose(chain.fk(found)[:, :3, 3], chain.fk(q)[:, :3, 3], atol=1.1e-4)

@@ -1,7 +1,6 @@
 """Binding of robots: bundled ones, real self-models, and their errors."""
 
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, distribution, distributions
 from pathlib import Path
@@ -251,12 +250,6 @@ def test_errors_in_a_robot_file_are_reported(
     with refusal(code, naming=named) as problem:
         bind_robot(path)
     assert all(d.span and d.span.file == str(path) for d in problem.value.diagnostics)
-
-
-def test_a_posture_is_known_by_name(amigo: Robot, request: pytest.FixtureRequest) -> None:
-    ask: Callable[[str], object] = amigo.posture
-    assert ask("carrying") == amigo.postures["carrying"]
-    assert ask("yoga") is None
 
 
 def test_a_single_arm_without_torso_neck_and_camera_binds(tmp_path: Path) -> None:

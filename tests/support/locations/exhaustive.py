@@ -72,7 +72,7 @@ def search(oracle: Oracle, chains: Chains, target: str) -> Verdict:
     grasps = reachable = 0
     pressed: tuple[str, str] | None = None
     for arm in oracle.robot.arms:
-        chain, solver = chains.chains[arm.name], chains.solvers[arm.name]
+        chain = chains.chains[arm.name]
         hand = oracle.fingers(arm.name)
         opened = dict(arm.gripper.opened) if arm.gripper is not None else {}
         postures = np.concatenate([((chain.lower + chain.upper) / 2)[None], chain.sample(rng, POSTURES - 1)])
@@ -89,7 +89,7 @@ def search(oracle: Oracle, chains: Chains, target: str) -> Verdict:
                     left = np.flatnonzero(solved) if number >= ENOUGH else np.arange(len(places))
                     if not len(left):
                         break
-                    q, ok = solver.solve(goals[left], np.tile(posture, (len(left), 1, 1)))
+                    q, ok = chain.solve(goals[left], np.tile(posture, (len(left), 1, 1)))
                     solved[left] |= ok
                     for index in np.flatnonzero(ok):
                         base = bases[places[left[index]]]
@@ -196,7 +196,7 @@ def _complete(
     target: str,
 ) -> Claim | None:
     """The whole way from one solution of its grasp, if nothing of it touches anything."""
-    chain, solver = chains.chains[name], chains.solvers[name]
+    chain = chains.chains[name]
 
     def is_free(values: Array) -> bool:
         oracle.place(base, {**oracle.posture, **opened, **dict(zip(chain.names, map(float, values), strict=True))})
@@ -204,7 +204,7 @@ def _complete(
 
     if not is_free(q):
         return None
-    others, good = solver.solve(_inverse(base) @ poses[[0, 2]], np.tile(q, (2, 1, 1)))
+    others, good = chain.solve(_inverse(base) @ poses[[0, 2]], np.tile(q, (2, 1, 1)))
     if not good.all() or not all(map(is_free, others)) or not oracle.sees(base, target):
         return None
     values = np.stack([others[0], q, others[1]])

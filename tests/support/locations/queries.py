@@ -40,6 +40,7 @@ from tests.support.locations.oracle import Oracle
 from tests.support.locations.predicates import CHECKED, objections
 from tests.support.locations.rooms import THE_BOTTLE, THE_PATIENT, Room, asked, room_of, thing
 from tests.support.locations.stage import Stage, robot_of
+from tests.support.world_values import value_of
 
 DEVICES = (None, None, a_device("RightArm"), a_device("LeftGripper"))
 
@@ -127,7 +128,7 @@ def snapshot(stage: Stage) -> tuple[object, ...]:
     # bodies are made when something first comes near them, which changes nothing: they are all made before they count
     stage.world._bodies.fill(np.full(3, -1e3), np.full(3, 1e3))
     return (
-        stage.world.state(),
+        value_of(stage.world),
         physics(stage.world.robot.client),
         belief.revision,
         tuple((name, belief.pose(name)) for name in belief.names()),

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import pybullet
 
-from executive.motion import Chain, InverseKinematics
+from executive.motion import Chain
 from executive.robots import Arm, Robot
 from planlang.geometry import Array
 from tests.support.locations.oracle import Claim, Oracle, angle, on_the_way
@@ -51,7 +51,6 @@ class Chains:
 
     robot: Robot
     chains: Mapping[str, Chain]
-    solvers: Mapping[str, InverseKinematics]
     reach: float
     """From the axis of the base to the farthest place at arm's length, level [m]."""
 
@@ -62,21 +61,20 @@ class Chains:
         tips = [
             np.hypot(*chain.fk(chain.sample(np.random.default_rng(0), 500))[:, :2, 3].T) for chain in chains.values()
         ]
-        solvers = {name: InverseKinematics(chain) for name, chain in chains.items()}
-        return Chains(robot, chains, solvers, float(np.quantile(np.concatenate(tips), 0.95)))
+        return Chains(robot, chains, float(np.quantile(np.concatenate(tips), 0.95)))
 
 
 def by_levenberg_marquardt(chains: Chains) -> Ik:
     """The product's own inverse kinematics."""
 
     def solve(arm: Arm, poses: Array, rng: np.random.Generator) -> Iterator[Array]:
-        chain, solver = chains.chains[arm.name], chains.solvers[arm.name]
+        chain = chains.chains[arm.name]
         seeds = np.concatenate([((chain.lower + chain.upper) / 2)[None], chain.sample(rng, SEEDS - 1)])
         for seed in seeds:
-            q, ok = solver.solve(poses[1:2], seed[None, None])
+            q, ok = chain.solve(poses[1:2], seed[None, None])
             if not ok[0]:
                 continue
-            others, good = solver.solve(poses[[0, 2]], np.repeat(q[:, None], 2, 0))
+            others, good = chain.solve(poses[[0, 2]], np.repeat(q[:, None], 2, 0))
             if good.all():
                 yield np.stack([others[0], q[0], others[1]])
 

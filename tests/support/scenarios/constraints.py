@@ -16,8 +16,8 @@ from planlang.designators import Device
 from planlang.language.loading import load_plan
 from planlang.motion_constraints import a_feature
 from planlang.protocols import MotionState
+from planlang.state.questions import amount_of
 from planlang.testing import Script, run_plan
-from sim.changes import amount_of
 from sim.truth import held_by
 from tests.support.constraint_evaluation import beyond, value_of
 from tests.support.scenarios import CORPUS, Scenario, Watched, tilt
@@ -96,10 +96,11 @@ def of_pouring(feature: Feature) -> Placed:
 
 def poured(watched: Watched) -> Iterator[str]:
     """At least 50 ml on the maker, at most 5 % elsewhere, the bottle upright in the hand, all constraints inside."""
-    changes = watched.world.changes
-    on = sum(amount_of(changes, name, "PancakeMix") for name in changes.matter.origins if changes.under(name) == MAKER)
+    state, queries = watched.world.world_state(), watched.world.queries
+    there = (name for name in state.matter.origins if queries.under(state, name) == MAKER)
+    on = sum(amount_of(state, name, "PancakeMix", queries) for name in there)
     content = watched.world.scene.body(BOTTLE).content
-    gone = sum(one.amount for one in content) - changes.matter.total(BOTTLE)
+    gone = sum(one.amount for one in content) - state.matter.total(BOTTLE)
     if on < 50.0:
         yield f"{on:.0f} ml are on {MAKER}"
     if gone - on > 0.05 * gone:
@@ -140,7 +141,7 @@ def flipped(watched: Watched) -> Iterator[str]:
     before, after = (watched.start[PANCAKE].rotation[:, 2], watched.world.pose(PANCAKE).rotation[:, 2])
     if float(before @ after) >= -0.9:
         yield f"{PANCAKE} was not turned: {float(before @ after):.2f}"
-    if (below := watched.world.changes.under(PANCAKE)) != MAKER:
+    if (below := watched.world.gravity.under(PANCAKE)) != MAKER:
         yield f"{PANCAKE} lies on {below}"
     yield from not_inside(watched, FLIPPING, of_flipping)
 

@@ -42,12 +42,12 @@ def stirred(watched: Watched) -> Iterator[str]:
     moved = math.dist(watched.world.pose(POT).position, watched.start[POT].position)
     if moved > 0.005:
         yield f"the pot was moved by {moved:.3f} m"
-    changes = watched.world.changes
-    if changes.matter.total(POT) < 1200.0:
-        yield f"{changes.matter.total(POT):.0f} ml are in the pot"
-    if changes.matter.states.get(POT) != "Mixed":
-        yield f"the soup is {changes.matter.states.get(POT)}"
-    if held_by(watched.world, SPOON) is not None or changes.under(SPOON) != "counter1":
+    matter = watched.world.matter
+    if matter.total(POT) < 1200.0:
+        yield f"{matter.total(POT):.0f} ml are in the pot"
+    if matter.states.get(POT) != "Mixed":
+        yield f"the soup is {matter.states.get(POT)}"
+    if held_by(watched.world, SPOON) is not None or watched.world.gravity.under(SPOON) != "counter1":
         yield "the spoon does not lie on the counter"
 
 

@@ -70,8 +70,8 @@ def wiped(table: str, tool: str) -> Goal:
         share = float(done[due].mean()) if due.any() else 1.0
         if share < MOST:
             yield f"{share:.0%} of what is free on {table} were wiped"
-        if watched.world.changes.matter.states.get(table) != "Clean":
-            yield f"{table} is {watched.world.changes.matter.states.get(table)}"
+        if watched.world.matter.states.get(table) != "Clean":
+            yield f"{table} is {watched.world.matter.states.get(table)}"
 
     return goal
 

@@ -97,12 +97,7 @@ class FailingModule(WrappedModule):
 
     def __init__(self, module: ProcessModule, faults: RandomFaults) -> None:
         super().__init__(module)
-        self._faults = faults
-
-    @property
-    def failures(self) -> Sequence[type[Exception]]:
-        """Failure classes that the module may raise, including random ones."""
-        return (*super().failures, LowLevelFailure)
+        self._faults, self.failures = faults, (*module.failures, LowLevelFailure)
 
     async def execute(self, action: Action) -> Any:
         """Perform the action, or raise a random failure."""
