@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from planlang.diagnostics import BadInput, Span, error
 from planlang.kept import kept
@@ -58,20 +58,23 @@ class HeatEffect:
 _NOTHING = Effects()
 
 
-def effects_of(ontology: Ontology, action_class: str, ancestors: Iterable[str] | None = None) -> Effects:
-    """Collect the effects declared for a class of actions and its superclasses.
+def effects_of(
+    ontology: Ontology, action_class: str, ancestors: Iterable[str] | None = None, also: Iterable[Ontology] = ()
+) -> Effects:
+    """Collect the effects declared for a class of actions and its superclasses, by an ontology and by others ``also``.
 
     ``ancestors`` lists the class and its superclasses, nearest first, for classes that the ontology does not define.
     Of the created classes only the most specific count. A rate, an amount or a state of a nearer class overrides that
     of a farther one. Raises BadInput for an invalid number.
     """
-    table, levels = _declared(ontology), ontology.ancestors(action_class) if ancestors is None else ancestors
-    found = [effects for cls in levels if cls in table for effects in table[cls]]
+    tables = [*map(_declared, (ontology, *also))]
+    levels = ontology.ancestors(action_class) if ancestors is None else ancestors
+    found = [effects for cls in levels for table in tables for effects in table.get(cls, ())]
     if not found:
         return _NOTHING
     return Effects(
         destroyed=_each(one.destroyed for one in found),
-        created=narrowest(ontology, _each(one.created for one in found)),
+        created=narrowest((ontology, *also), _each(one.created for one in found)),
         turned=_each(one.turned for one in found),
         states=_each(one.states for one in found),
         flow_rate=next((one.flow_rate for one in found if one.flow_rate is not None), None),
@@ -93,10 +96,12 @@ def heat_effects(ontology: Ontology) -> tuple[HeatEffect, ...]:
     return tuple(found)
 
 
-def narrowest(ontology: Ontology, classes: Iterable[str]) -> Classes:
-    """Drop classes that have a subclass among the others."""
+def narrowest(ontologies: Sequence[Ontology], classes: Iterable[str]) -> Classes:
+    """Drop classes that have a subclass among the others, according to some ontology."""
     every = tuple(dict.fromkeys(classes))
-    return tuple(cls for cls in every if not any(cls != one and ontology.is_a(one, cls) for one in every))
+    pairs = [(one, cls) for one in every for cls in every if one != cls]
+    wider = {cls for one, cls in pairs if any(ontology.is_a(one, cls) for ontology in ontologies)}
+    return tuple(cls for cls in every if cls not in wider)
 
 
 def number_of_class(ontology: Ontology, classes: Iterable[str], name: str) -> float | None:

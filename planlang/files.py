@@ -181,6 +181,17 @@ ONTOLOGIES = (".omn", ".owl", ".owl.in", ".ttl", ".nt", ".rdf", ".ofn", ".owx")
 """Suffixes by which ontologies are found in folders of the user."""
 
 
+class Target(Enum):
+    """Syntaxes in which ontologies can be written."""
+
+    MANCHESTER = "manchester"
+    TURTLE = "turtle"
+    NTRIPLES = "ntriples"
+    RDFXML = "rdfxml"
+    FUNCTIONAL = "functional"
+    OWLXML = "owlxml"
+
+
 @cache
 def bundled(folder: str) -> Path:
     """Return the folder "ontologies" or "recipes" of this installation."""

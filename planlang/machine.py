@@ -33,6 +33,15 @@ def address_space() -> int | None:
     return None if resource is None else inherited(resource.RLIMIT_AS)
 
 
+def used_address_space() -> int:
+    """Return the size of this process's address space [bytes]."""
+    try:
+        with open("/proc/self/statm", "rb") as statistics:
+            return int(statistics.read().split()[0]) * resource.getpagesize()
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
 def inherited(kind: int) -> int | None:
     """Return a limit of resources, such as ``RLIMIT_AS``; None without one."""
     soft, hard = resource.getrlimit(kind)

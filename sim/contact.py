@@ -169,26 +169,30 @@ class Contacts:
             _deepen(depths, part, body, self.robot.depth_between(number, other))
             return
         for index in () if other is not None else self.bodies.of[body]:
-            piece = self.bodies.pieces[index]
-            if piece.yields and (number is None or number in self.hands):
-                continue
-            if self.leaves.led and number in self.leaves.hands_on(body):
-                continue
-            if number is not None:
+            if number is None:
+                self._of_held_and_piece(part, self.bodies.of[part], index, depths)
+            elif not self._lets_in(index, number):
                 _deepen(depths, part, body, self.robot.depth_with(number, self.bodies.uid(index)))
-                continue
-            if self._may_touch(part, body):
-                continue
-            depth = -self.bodies.gap(self.bodies.of[part], [index], 0.0)
-            if body not in self.held[part].touched or depth > SUPPORT_DEPTH:
-                _deepen(depths, part, body, depth)
         if number is None and other is not None:
             link_depths = (self.robot.depth_with(other, self.bodies.uid(mine)) for mine in self.bodies.of[part])
             _deepen(depths, part, body, max(link_depths, default=0.0))
 
-    def _may_touch(self, held: str, body: str) -> bool:
-        """Check whether a held object may go into or under a body: a blade, or anything in a puddle."""
-        return self.bodies.lets_touch(held, body) or self.gives_way(body)
+    def _lets_in(self, index: int, number: int) -> bool:
+        """Check whether a link may touch a piece: a hand a limb, or the handle that it holds."""
+        piece = self.bodies.pieces[index]
+        is_taken = bool(self.leaves.led) and number in self.leaves.hands_on(piece.body)
+        return is_taken or (piece.yields and number in self.hands)
+
+    def _of_held_and_piece(
+        self, name: str, mine: Sequence[int], index: int, depths: dict[tuple[str, str], float]
+    ) -> None:
+        """Test pieces of a held object against one of another body; a blade may go under it, all into a puddle."""
+        piece = self.bodies.pieces[index]
+        if piece.yields or self.bodies.lets_touch(name, piece.body) or self.gives_way(piece.body):
+            return
+        depth = -self.bodies.gap(mine, [index], 0.0)
+        if piece.body not in self.held[name].touched or depth > SUPPORT_DEPTH:
+            _deepen(depths, name, piece.body, depth)
 
     def _of_links(self, query: Query, lower: Array, upper: Array, depths: dict[tuple[str, str], float]) -> None:
         for number, index in zip(*self.bodies.near(lower, upper), strict=True):
@@ -198,9 +202,7 @@ class Contacts:
                 continue
             if query.ignores(part, piece.body):
                 continue
-            if piece.yields and number in self.hands:
-                continue
-            if self.leaves.led and number in self.leaves.hands_on(piece.body):
+            if self._lets_in(index, number):
                 continue
             if number in self.robot.grounded and self.bodies.upper[index, 2] < GROUND:
                 continue
@@ -221,17 +223,11 @@ class Contacts:
                 _deepen(depths, first, second, self.robot.depth_between(a, b))
 
     def _of_held(self, name: str, query: Query, depths: dict[tuple[str, str], float]) -> None:
-        held = self.held[name]
         for mine in self.bodies.of[name]:
             for index in self.bodies.within(self.bodies.lower[mine], self.bodies.upper[mine]).tolist():
-                piece = self.bodies.pieces[index]
-                if piece.body == name or piece.yields or query.ignores(name, piece.body):
-                    continue
-                if self._may_touch(name, piece.body):
-                    continue
-                depth = -self.bodies.gap([mine], [index], 0.0)
-                if piece.body not in held.touched or depth > SUPPORT_DEPTH:
-                    _deepen(depths, name, piece.body, depth)
+                body = self.bodies.pieces[index].body
+                if body != name and not query.ignores(name, body):
+                    self._of_held_and_piece(name, [mine], index, depths)
 
     def _of_led(
         self, leaf: str, led: LeafGrasp, query: Query, lower: Array, upper: Array, depths: dict[tuple[str, str], float]

@@ -24,7 +24,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warnin
 from planlang.geometry import Array
 from planlang.geometry.matrices import angles_of, product
 from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
-from planlang.geometry.urdf import Element, Joint, Urdf, origin_of, read_urdf
+from planlang.geometry.urdf import Element, Joint, Urdf, master_of, origin_of, read_urdf
 from planlang.geometry.urdf_schema import extents_of, numbers
 from planlang.package_paths import case_differs, file_places
 from planlang.records import dataclass
@@ -401,16 +401,9 @@ def _some(names: Sequence[str]) -> str:
 
 
 def _followers(joints: Sequence[Joint]) -> dict[str, tuple[Follower, ...]]:
-    """Map each joint to the joints that mimic it; chains are resolved, circles dropped."""
-    mimics = {joint.name: joint.mimic for joint in joints if joint.mimic is not None and joint.moves}
-    followers: dict[str, list[Follower]] = {}
-    for name, mimic in mimics.items():
-        master, multiplier, offset, seen = mimic.joint, mimic.multiplier, mimic.offset, {name}
-        while master in mimics and master not in seen:
-            seen.add(master)
-            offset += multiplier * mimics[master].offset
-            multiplier *= mimics[master].multiplier
-            master = mimics[master].joint
-        if master not in seen:
-            followers.setdefault(master, []).append(Follower(name, multiplier, offset))
+    """Map each joint to the joints that mimic it, directly or not."""
+    every, followers = {joint.name: joint for joint in joints}, dict[str, list[Follower]]()
+    for joint in (one for one in joints if one.mimic is not None and one.moves):
+        master = master_of(joint, every)
+        followers.setdefault(master.joint, []).append(Follower(joint.name, master.multiplier, master.offset))
     return {name: tuple(several) for name, several in followers.items()}

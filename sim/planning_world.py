@@ -9,14 +9,12 @@ from numpy.typing import NDArray
 
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotations
-from planlang.geometry.shapes import SolidKind, outline_of
+from planlang.geometry.shapes import Size, SolidKind, outline_of
 from planlang.protocols import Configuration, Contact, Touch
 from planlang.records import dataclass
 from sim.contact import GROUND, Ignored, Query
 from sim.kinematic import KinematicScene
 from sim.robot import BASE
-
-Size = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)

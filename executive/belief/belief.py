@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from executive.belief.known_things import KnownThings, ignore
-from executive.belief.memory import Base, Recognition, Source
+from executive.belief.memory import BasePose, Recognition, Source
 from executive.belief.obstacles import NAMES
 from executive.belief.snapshots import dump_belief, load_belief
 from executive.maps.classes import MapObject
@@ -70,7 +70,7 @@ class Belief(KnownThings):
         self.memory = replace(self.memory, unknown=without(self.memory.unknown, name))
         self._changed("found", name=name)
 
-    def not_seen(self, name: str, base: Base) -> None:
+    def not_seen(self, name: str, base: BasePose) -> None:
         """Record that an object was looked for from a base pose and not seen."""
         in_vain = self.memory.in_vain
         self.memory = replace(self.memory, in_vain={**in_vain, name: (*in_vain.get(name, ()), base)})
@@ -83,7 +83,7 @@ class Belief(KnownThings):
         self._become(poses=without(self._poses, name))
         self._changed("not there", name=name)
 
-    def missed(self, name: str, arm: str, base: Base) -> None:
+    def missed(self, name: str, arm: str, base: BasePose) -> None:
         """Record that a hand closed on nothing where an object was believed to be."""
         self.memory = self.memory.dropping(name, (arm,))
         self.not_seen(name, base)
@@ -180,7 +180,7 @@ class Belief(KnownThings):
         self._become(held={**self.held, name: replace(self.held[name], riders=tuple(riders))})
 
     def released(self, name: str, pose: Pose, *, to: str | None = None) -> None:
-        """Record that an object was released: to a person, or to rest at ``pose`` with the objects on it."""
+        """Record that an object was released at ``pose``: into a person's hand, or to rest with the objects on it."""
         self._came_down(name, pose)
         self.memory = replace(self.memory, refused=without(self.memory.refused, name))
         if to is not None:
@@ -242,7 +242,8 @@ class Belief(KnownThings):
             if name in self.memory.made:
                 continue
             made, pose = self.state.made[name], self._poses[name]
-            thing = MapObject(iris.get(name, ""), name, (expand(made.type),), None, made.size)
+            iri = iris.get(name) or self.new_iri(name)
+            thing = MapObject(iri, name, self.known_types(expand(made.type)), None, made.size)
             self.memory = self.memory.created(thing, pose)
             self._changed("created", name=name, pose=pose)
 

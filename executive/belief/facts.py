@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from executive.belief.belief import Belief
-from executive.belief.memory import Base
+from executive.belief.memory import BasePose
 from executive.maps.classes import MapObject
 from planlang.designators import Condition, Object
 from planlang.failures import ObjectUnresolvable
@@ -44,7 +44,7 @@ def decide(condition: Condition, belief: Belief, queries: Queries) -> bool | Non
     return None
 
 
-def _here(belief: Belief) -> Base:
+def _here(belief: Belief) -> BasePose:
     return belief.state.robots[belief.robot].base
 
 

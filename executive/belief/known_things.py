@@ -5,21 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, islice
 from typing import Any
 
 import numpy as np
 
-from executive.belief.memory import VISION, Base, Knowledge, Memory, Recognition, Source
+from executive.belief.memory import VISION, BasePose, Knowledge, Memory, Recognition, Source
 from executive.belief.obstacles import NAMES
 from executive.maps.classes import MapObject, is_kind
 from executive.maps.contents import is_content
 from executive.maps.semantic_map import SemanticMap, namesakes
-from planlang.designators import Object
+from executive.maps.statements import namespace_of
+from planlang.designators import Object, unused_name
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.geometry import Pose
 from planlang.ontology import expand
-from planlang.state import Grip, WorldState
+from planlang.state import Grip
 from sim import PlanningWorld
 from sim.joints import Articulation
 from sim.leaves import inside
@@ -56,7 +57,8 @@ class KnownThings:
         """Number of changes so far, by which the records of a trace count them."""
         self.tell: Callable[[str, Mapping[str, Any]], None] = ignore
         """Listener of changes: event, details."""
-        poses = {name: world.pose(name) for name in world.names()}
+        state = world.world_state(robot)
+        poses = dict(state.poses)
         closed = {name: world.scene.body(name).pose for joint in world.scene.joints for name in joint.bodies}
         first = poses | {name: pose for name, pose in closed.items() if name in poses}
         hidden = {name: poses.pop(name) for name in dict.fromkeys(unknown) if name in poses}
@@ -65,9 +67,8 @@ class KnownThings:
         """Where the facts of the state come from."""
         self.joints: dict[str, Articulation] = {joint.leaf: joint for joint in world.scene.joints}
         """Joints of doors, drawers, lids and knobs, by leaf."""
-        joints = {leaf: world.joint(leaf) for leaf in self.joints}
-        away, matter = frozenset(NAMES).intersection(poses), world.matter
-        self.state = WorldState({robot: world.configuration()}, poses, joints, away=away, matter=matter)
+        away = frozenset(NAMES).intersection(poses)
+        self.state = replace(state, robots={robot: world.configuration()}, poses=poses, away=away)
         """What is believed to be where; the robot as it was last observed."""
         self.devices = frozenset(control.device for control in world.scene.controls)
         """Devices with a button or a knob."""
@@ -94,6 +95,15 @@ class KnownThings:
     def things(self) -> Iterator[MapObject]:
         """Objects of the map, then created ones, including those without a pose."""
         return chain(self.map.objects, self.memory.made.values())
+
+    def new_iri(self, name: str) -> str:
+        """Make an IRI in the namespace of the map for a thing that is created."""
+        return unused_name(f"{namespace_of(self.map.iri)}{name}", {thing.iri for thing in self.things})
+
+    def known_types(self, cls: str) -> tuple[str, ...]:
+        """List a class and, if only a recipe declares it, the nearest of its superclasses that the map knows."""
+        above = (one for ontology in self.map.recipes for one in ontology.ancestors(cls))
+        return tuple(dict.fromkeys((cls, *islice(filter(self.map.ontology.defined, above), 1))))
 
     def joint(self, leaf: str) -> float:
         """Look up how far a door or drawer is believed to be open [rad, m]; 0 is closed."""
@@ -160,11 +170,11 @@ class KnownThings:
         """Check whether an object is believed at its pose of the map, without ever having been seen."""
         return self._poses[name] == self.memory.first[name] and self.knowledge(name).source is not Source.SEEN
 
-    def looked_in_vain(self, name: str) -> tuple[Base, ...]:
+    def looked_in_vain(self, name: str) -> tuple[BasePose, ...]:
         """List the base poses from which an object was looked for and not seen."""
         return self.memory.in_vain.get(name, ())
 
-    def bind(self, what: Object, near: Base) -> str:
+    def bind(self, what: Object, near: BasePose) -> str:
         """Resolve a designator to the object of its IRI, else of its name; otherwise to the nearest one of its class.
 
         A designator stays bound to an object as long as that exists. Without a match it resolves to the nearest object
@@ -186,7 +196,7 @@ class KnownThings:
         """List the objects of a designator's class, in the order of the map."""
         return tuple(thing.name for thing in self.things if thing.name in self._poses and self.is_a(thing, what.type))
 
-    def _find(self, what: Object, near: Base) -> str | None:
+    def _find(self, what: Object, near: BasePose) -> str | None:
         placed = [thing for thing in self.things if thing.name in self._poses]
         named = namesakes(self.map.ontology, placed, what)
         if len(named) == 1:
@@ -204,7 +214,7 @@ class KnownThings:
             raise AmbiguousPerception(what=str(what), candidates=equal)
         return nearest
 
-    def _container(self, what: Object, near: Base) -> str:
+    def _container(self, what: Object, near: BasePose) -> str:
         """Find the nearest object that contains the substance of a designator."""
         individual = self._missing(what)
         containers = [

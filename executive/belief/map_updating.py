@@ -1,14 +1,14 @@
 """Write the user's map with the changes of a run: the statements of its files, updated poses, and moved joints.
 
 A pose is replaced where the robot knows a different one, with the time of the map's newest perception plus the plan
-time. Poses of unseen objects stay. As in all maps, doors, drawers and their contents have their poses when closed, with
-the joint positions stated beside.
+time. Poses of unseen objects stay. Created objects are added, and nothing is stated any more about destroyed ones. As
+in all maps, doors, drawers and their contents have their poses when closed, with the joint positions stated beside.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,9 @@ import numpy as np
 from executive.belief.belief import Belief
 from executive.belief.memory import Source
 from executive.maps.classes import MapObject
+from executive.maps.contents import is_content
 from executive.maps.measures import EXTENTS
+from executive.maps.semantic_map import SemanticMap
 from executive.maps.statements import (
     Placement,
     decimal,
@@ -30,8 +32,8 @@ from executive.maps.statements import (
 )
 from planlang.designators import local_part
 from planlang.diagnostics import Diagnostic
-from planlang.ontology import Ontology, Term, Triple, expand
-from planlang.ontology.terms import RDF
+from planlang.ontology import Ontology, Term, Triple, expand, shorten
+from planlang.ontology.terms import OWL, RDF
 from sim.joints import Articulation, JointKind
 
 HAIR = 1e-6
@@ -42,7 +44,7 @@ _JOINTS = {JointKind.HINGED: "HingedJoint", JointKind.PRISMATIC: "PrismaticJoint
 class MapUpdate:
     """Map to write after a run. As a listener of the trace, it collects the leaves that were moved."""
 
-    def __init__(self, belief: Belief, files: Container[Path | None], found: list[Diagnostic]) -> None:
+    def __init__(self, belief: Belief, files: Collection[Path | None], found: list[Diagnostic]) -> None:
         self._belief, self._files, self._found = belief, files, found
         self._opened: dict[str, None] = {}
         """Leaves that were moved, including those closed again."""
@@ -58,7 +60,7 @@ class MapUpdate:
         path.write_text(text, encoding="utf-8", newline="\n")
 
 
-def updated_map(belief: Belief, files: Container[Path | None], opened: Iterable[str], found: list[Diagnostic]) -> str:
+def updated_map(belief: Belief, files: Collection[Path | None], opened: Iterable[str], found: list[Diagnostic]) -> str:
     """Write the map of some files in Manchester syntax, with the current belief.
 
     ``opened``: leaves that were moved, whose joint axes, and radii of doors, are stated too. Problems go to ``found``.
@@ -66,29 +68,53 @@ def updated_map(belief: Belief, files: Container[Path | None], opened: Iterable[
     ontology = belief.map.ontology
     placed = placements(belief.map)
     start = max((one.time for one in placed.values() if math.isfinite(one.time)), default=0.0)
-    gone = {thing.iri for thing in belief.things if not _is_there(thing, belief)}
+    gone = {thing.iri for thing in belief.things if _is_gone(thing, belief)}
     for thing in belief.things:
         if thing.iri not in gone and _differs_from_map(thing, belief):
             placed |= _moved(thing, belief, start, placed)
     placed = {iri: one for iri, one in placed.items() if iri not in gone}
-    statements = main_statements(ontology, files)
-    statements += (fact for thing in belief.memory.made.values() if thing.iri in placed for fact in _new(thing))
+    statements = _statements(belief.map, files, gone)
+    statements += (fact for thing in belief.memory.made.values() if thing.iri in placed for fact in _new(thing, belief))
     for leaf in (leaf for leaf in opened if leaf in belief.joints):
         statements = _with_joint(statements, leaf, belief)
-    return text_of(with_placements(statements, ontology.iri, placed, gone=gone), ontology.iri, found)
+    written = with_placements(statements, ontology.iri, placed, gone=gone)
+    kept = (t for t in written if t.subject not in gone and not (isinstance(t.subject, str) and t.object in gone))
+    return text_of(kept, ontology.iri, found)
 
 
-def _is_there(thing: MapObject, belief: Belief) -> bool:
-    """Check whether an object still exists; unseen ones are where the map has them."""
-    holder = belief.map.holder(thing)  # a part, such as a handle, is no body of its own
-    names = [one.name for one in (thing, holder) if one is not None]
-    return thing.pose is None or any(name in belief.names() or name in belief.memory.unknown for name in names)
+def _is_gone(thing: MapObject, belief: Belief) -> bool:
+    """Check whether an object was destroyed, alone or with its whole, or is a content that has left its vessel."""
+    whole = belief.map.holder(thing)
+    if any(one.name in belief.memory.gone for one in (thing, whole) if one is not None):
+        return True
+    vessels = [one.name for one in map(belief.map.find, thing.inside) if one is not None and one.name in belief.names()]
+    contents = belief.state.matter.contents
+    held = [portion for name in vessels for portion in contents.get(name, {}).values()]
+    stays = any(thing.name in one.origins and one.type == shorten(thing.types[0]) for one in held)
+    return is_content(thing) and bool(vessels) and not stays
+
+
+def _statements(semantic_map: SemanticMap, files: Collection[Path | None], gone: Iterable[str]) -> list[Triple]:
+    """List the statements of some files; also those of imported maps, if these state something that is gone."""
+    ontology, paths = semantic_map.ontology, set(map(str, files))
+    if all(triple.span.file in paths for iri in gone for triple in ontology.triples(iri)):
+        return main_statements(ontology, files)
+    paths |= {triple.span.file for thing in semantic_map.objects for triple in ontology.triples(thing.iri)}
+    names = {document.iri: str(document.path) for document in ontology.documents}
+    for triple in reversed([*ontology.triples(p=OWL.imports)]):  # files between them, as imports come after importers
+        if names.get(str(triple.object)) in paths:
+            paths.add(triple.span.file)
+    others = {iri for iri, path in names.items() if path not in paths}
+    statements = main_statements(ontology, {one.path for one in ontology.documents if str(one.path) in paths})
+    return [triple for triple in statements if triple.predicate != OWL.imports or triple.object in others]
 
 
 def _differs_from_map(thing: MapObject, belief: Belief) -> bool:
     if thing.name not in belief.names() or any(thing.name in joint.bodies for joint in belief.joints.values()):
         return False
-    if thing.name not in belief.memory.made and not _is_stated(thing, belief):
+    if thing.name in belief.memory.made:
+        return True
+    if not _is_stated(thing, belief):
         return False  # a part that follows from a class: it moves with the whole
     if belief.knowledge(thing.name).source not in (Source.MAP, Source.TOLD):
         return True
@@ -113,9 +139,12 @@ def _moved(thing: MapObject, belief: Belief, start: float, placed: Mapping[str, 
     return moved
 
 
-def _new(thing: MapObject) -> Iterator[Triple]:
-    """Yield the statements about a created object."""
-    facts: list[tuple[str, Term]] = [(RDF.type, cls) for cls in thing.types]
+def _new(thing: MapObject, belief: Belief) -> Iterator[Triple]:
+    """Yield the statements about a created object, of the class that heat has given it by now."""
+    types = tuple(map(expand, belief.state.matter.types.get(thing.name, ())[:1])) or thing.types
+    facts: list[tuple[str, Term]] = [(RDF.type, cls) for cls in types]
+    maps = belief.map.ontology.individuals(expand("SemanticEnvironmentMap"))
+    facts += [("describedInMap", one) for one in maps[:1]]
     facts += [(name, decimal(value)) for name, value in zip(EXTENTS, thing.size or (), strict=False)]
     return stated_facts(thing.iri, facts)
 

@@ -23,7 +23,7 @@ def map_text(belief: Belief) -> str:
     known = set(belief.names())
     things = [(thing, belief.closed_pose(thing.name)) for thing in belief.things if thing.name in known]
     things += [handle for whole in things for handle in _handles(*whole, belief) if handle[0].name not in known]
-    placed = {_iri(thing): Placement(_iri(thing), pose) for thing, pose in things}
+    placed = {thing.iri: Placement(thing.iri, pose) for thing, pose in things}
     header: list[tuple[str, Term]] = [(RDF.type, OWL.Ontology), (OWL.imports, expand("").rstrip("#"))]
     statements = [
         *stated_facts(MAP, header),
@@ -40,10 +40,6 @@ def _handles(whole: MapObject, pose: Pose, belief: Belief) -> Iterator[tuple[Map
             yield part, pose @ whole.pose.inverse() @ part.pose
 
 
-def _iri(thing: MapObject) -> str:
-    return thing.iri or f"{MAP}#{thing.name}"
-
-
 def _thing(thing: MapObject, written: Container[str], belief: Belief) -> Iterator[Triple]:
     facts: list[tuple[str, Term]] = [(RDF.type, cls) for cls in thing.types]
     facts.append(("describedInMap", f"{MAP}#map"))
@@ -51,4 +47,4 @@ def _thing(thing: MapObject, written: Container[str], belief: Belief) -> Iterato
     facts += [("properPhysicalParts", part) for part in thing.parts if part in written]
     if thing.name in belief.joints and belief.is_left_open(thing.name):
         facts.append(("jointPosition", decimal(belief.joint(thing.name))))
-    return stated_facts(_iri(thing), facts)
+    return stated_facts(thing.iri, facts)

@@ -17,7 +17,7 @@ from planlang.state.matter import without
 MOST_FAILURES = 2
 """Failures in a row of a hand's fingers after which another hand is used, if there is one: one may be an accident, and
 plans repeat a step about three times."""
-Base = tuple[float, float, float]
+BasePose = tuple[float, float, float]
 """Pose of the base in the map (x [m], y [m], yaw [rad])."""
 
 
@@ -104,7 +104,7 @@ class Memory:
     """Plan time up to which heating has been simulated in the believed world [s]."""
     witnessed: frozenset[str] = frozenset()
     """Leaves and devices whose state the robot has seen or felt, or set itself, since it could have changed."""
-    in_vain: Mapping[str, tuple[Base, ...]] = field(default_factory=dict)
+    in_vain: Mapping[str, tuple[BasePose, ...]] = field(default_factory=dict)
     """Object -> base poses from which it was looked for and not seen, since it was last seen."""
     bound: Mapping[Object, str] = field(default_factory=dict)
     """Designator -> object that it stands for as long as that exists."""

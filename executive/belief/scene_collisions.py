@@ -14,6 +14,7 @@ import numpy as np
 from executive.belief.belief import Belief
 from executive.belief.believed_bodies import MEANT, handles_of
 from executive.belief.floor import CELL, Floor
+from executive.belief.memory import BasePose as BasePose
 from executive.belief.scene_part import Kept, ScenePart
 from executive.motion import Boxes, Grid, QuickCheck
 from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room, links_of
@@ -33,9 +34,6 @@ from sim.scene import BodyShape
 
 if TYPE_CHECKING:  # a plain run moves one arm at a time
     from executive.motion.arm_group import ArmGroup
-
-BasePose = tuple[float, float, float]
-"""Pose of the base in the map (x [m], y [m], yaw [rad])."""
 
 NEAR_ITS_END = 0.4
 """Distance from the goal within which less than a cell of clearance is enough for the base [m]."""

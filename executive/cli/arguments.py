@@ -151,7 +151,20 @@ class ReportArguments(SituationSettings, Arguments):
 
 
 @dataclass(frozen=True, kw_only=True)
-class EnableArguments(OntologyArguments):
+class PlaceArguments(Arguments):
+    """Options for the place of maps in a knowledge base."""
+
+    room: Annotated[str | None, option(metavar="TEXT", help="Only maps of this room: number or name.")] = None
+    floor: Annotated[str | None, option(metavar="TEXT", help="Only maps of this floor.")] = None
+    building: Annotated[str | None, option(metavar="TEXT", help="Only maps of this building.")] = None
+    street: Annotated[str | None, option(metavar="TEXT", help="Only maps of this street, with or without number.")] = (
+        None
+    )
+    city: Annotated[str | None, option(metavar="TEXT", help="Only maps of this city.")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class EnableArguments(PlaceArguments, OntologyArguments):
     """Find out what a robot lacks for a task, download exactly that from a knowledge base, and run the task.
 
     Downloads the recipe, recognition models of the things among its parameters, a map that has them, and their
@@ -174,13 +187,6 @@ class EnableArguments(OntologyArguments):
     robot: Robot = None
     urdf: Urdf = None
     environment: Environment = None
-    room: Annotated[str | None, option(metavar="TEXT", help="Only maps of this room: number or name.")] = None
-    floor: Annotated[str | None, option(metavar="TEXT", help="Only maps of this floor.")] = None
-    building: Annotated[str | None, option(metavar="TEXT", help="Only maps of this building.")] = None
-    street: Annotated[str | None, option(metavar="TEXT", help="Only maps of this street, with or without number.")] = (
-        None
-    )
-    city: Annotated[str | None, option(metavar="TEXT", help="Only maps of this city.")] = None
     store: Annotated[
         Path | None,
         option(

@@ -10,6 +10,7 @@ from executive.cli.arguments import Arguments, Detail, OntologyArguments, TaskAr
 from executive.options.declaring import argument, option, output
 from executive.options.recipes import CheckOptions, CompileOptions
 from executive.options.running import Force, IgnoreUnread, Modules, Recipe, Robot, Trust, Units, Urdf
+from planlang.files import Target
 from planlang.records import dataclass
 
 Output = Annotated[Path | None, output("Write the text to this file instead of stdout.")]
@@ -37,17 +38,6 @@ class NewArguments(Arguments):
     name: Annotated[str, argument(metavar="NAME", help="Its name: lower-case letters, digits and _.")]
     folder: Annotated[Path, option(metavar="DIR", help="Write to this folder.")] = Path()
     force: Force = False
-
-
-class Syntax(Enum):
-    """Output syntaxes; repeated here as the module of the writers is slow to import."""
-
-    MANCHESTER = "manchester"
-    TURTLE = "turtle"
-    NTRIPLES = "ntriples"
-    RDFXML = "rdfxml"
-    FUNCTIONAL = "functional"
-    OWLXML = "owlxml"
 
 
 class Listed(Enum):
@@ -125,7 +115,7 @@ class ConvertArguments(Arguments):
     """Convert an ontology, such as a recipe, to another syntax, and list what is lost."""
 
     file: Annotated[str, argument(metavar="FILE", help="An ontology file, in any supported syntax.")]
-    to: Annotated[Syntax, option("--syntax", "--to", help="The target syntax.", shows_default=False)]
+    to: Annotated[Target, option("--syntax", "--to", help="The target syntax.", shows_default=False)]
     output: Output = None
     units: Units = None
     ignore_unread: IgnoreUnread = False

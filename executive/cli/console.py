@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import field, replace
 from enum import IntEnum
+from pathlib import Path
 from typing import Any
 
 import click
@@ -19,6 +20,7 @@ from executive.cli.arguments import Arguments, Detail
 from executive.cli.progress import PROGRESS
 from planlang.diagnostics import BadInput, Diagnostic, Severity, WrongOption
 from planlang.machine import file_problem, out_of_resources
+from planlang.outputs import write_text
 from planlang.progress import Report, unreported
 from planlang.records import dataclass
 from planlang.visible import visible
@@ -47,6 +49,17 @@ class Answer:
     """The result for people, printed to stdout."""
     data: Mapping[str, Any] = field(default_factory=dict)
     """The result for machines: further keys of the JSON object."""
+
+
+def text_answer(
+    text: str, output: Path | None, told: str, diagnostics: Iterable[Diagnostic] = (), **data: Any
+) -> Answer:
+    """Answer with the text of a file: printed, or written to ``output`` and ``told`` of. Raises BadInput."""
+    found = tuple(diagnostics)
+    if output is None:
+        return Answer(diagnostics=found, text=text, data={**data, "source": text})
+    write_text(output, text)
+    return Answer(diagnostics=found, text=f"{output}: {told}", data={**data, "output": str(output)})
 
 
 _COLOURS = {Severity.ERROR: "red", Severity.WARNING: "yellow", Severity.NOTE: "cyan"}

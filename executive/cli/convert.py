@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from executive.cli.authoring_arguments import ConvertArguments
-from executive.cli.console import Answer
+from executive.cli.console import Answer, text_answer
 from executive.runs.files import refuse
 from planlang.diagnostics import error, settled
 from planlang.files import Bundled
 from planlang.ontology import Literal
-from planlang.ontology.convert import Target, convert
-from planlang.outputs import check_outputs, write_text
+from planlang.ontology.convert import convert
+from planlang.outputs import check_outputs
 from planlang.units import chosen_units, in_chosen_unit, unit_of
 
 
@@ -20,7 +18,7 @@ def command(arguments: ConvertArguments) -> Answer:
     path, output = Bundled.RECIPE.find(arguments.file), arguments.output
     refuse(check_outputs({"--output": output}, {"the file": path}, force=arguments.force))
     units = chosen_units(arguments.units or ())
-    converted = convert(path, Target(arguments.to.value), lambda literal: in_chosen_unit(literal, units))
+    converted = convert(path, arguments.to, lambda literal: in_chosen_unit(literal, units))
     left_out = settled(converted.unread, ignore_unread=arguments.ignore_unread)
     written = {unit_of(one.object) for one in converted.triples if isinstance(one.object, Literal)}
     refuse(
@@ -30,8 +28,5 @@ def command(arguments: ConvertArguments) -> Answer:
             if name not in written
         ]
     )
-    if output is not None:
-        write_text(output, converted.text)
-    data: dict[str, Any] = {"output": str(output)} if output is not None else {"source": converted.text}
-    text = converted.text if output is None else f"{output}: {len(converted.triples)} statements"
-    return Answer(diagnostics=(*converted.diagnostics, *left_out), text=text, data=data)
+    told, diagnostics = f"{len(converted.triples)} statements", (*converted.diagnostics, *left_out)
+    return text_answer(converted.text, output, told, diagnostics)

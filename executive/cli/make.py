@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
 
 from executive.cli.authoring_arguments import MakeArguments
 from executive.cli.capabilities import capability_data, capability_lines, holds_data
-from executive.cli.console import Answer, progress_of, waiting
+from executive.cli.console import Answer, progress_of, text_answer, waiting
 from executive.locations.capabilities import capabilities_of
 from executive.robots import CARRYING, bind_draft
 from executive.robots.arms import with_carrying
 from executive.robots.draft import draft_of
 from executive.runs.files import check_files, refuse
 from planlang.diagnostics import Diagnostic
-from planlang.outputs import check_outputs, write_text
+from planlang.outputs import check_outputs
 from planlang.shell import quoted
 
 
@@ -35,13 +34,8 @@ def command(arguments: MakeArguments) -> Answer:
         table = draft.table("postures", CARRYING)
         for joint, value in carrying.postures[CARRYING].items():
             table.add(joint, value, "" if table.entries else "hands level, close to the body, without contact")
-    text = draft.text()
-    if output is not None:
-        write_text(output, text)
     can = capabilities_of(carrying, report=progress_of(arguments))
-    data: dict[str, Any] = {"output": str(output)} if output is not None else {"source": text}
-    data |= {"arms": [{"name": arm.name, **holds_data(can, arm)} for arm in robot.arms], **capability_data(can)}
-    diagnostics = (*draft.diagnostics(), *robot.diagnostics)
+    arms = [{"name": arm.name, **holds_data(can, arm)} for arm in robot.arms]
     use = f"planlang robot inspect {quoted(output)} shows what the robot can do, and what it lacks"
-    made = [f"{output}: {robot.name}", *capability_lines(can), use]
-    return Answer(diagnostics=diagnostics, text=text if output is None else "\n".join(made), data=data)
+    told, diagnostics = [robot.name, *capability_lines(can), use], (*draft.diagnostics(), *robot.diagnostics)
+    return text_answer(draft.text(), output, "\n".join(told), diagnostics, arms=arms, **capability_data(can))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from executive.cli.console import Answer
-from executive.cli.server import ask, kind_of
+from executive.cli.server import asking, kind_of
 from executive.cli.server_arguments import PullArguments
 from planlang.diagnostics import warning
 from planlang.knowledge.client import Client
@@ -18,21 +18,18 @@ _USES = {
 }
 
 
-def command(arguments: PullArguments) -> Answer:
+@asking
+def command(arguments: PullArguments, client: Client) -> Answer:
     """Write an entry's content and files. Raises BadInput."""
-
-    def work(client: Client) -> Answer:
-        entry = client.entry(arguments.uid, kind_of(arguments.kind))
-        number = client.revision(entry, arguments.revision).number
-        files = pull(client, [(entry, arguments.output)], revision=number, force=arguments.force)
-        advice = "it runs only with --trust: read it first"
-        warned = [
-            warning("K038", f"{path} is a program by {entry.author}", help=advice)
-            for path in files
-            if path.suffix.lower() == ".py"
-        ]
-        lines = [*map(str, files), *([_USES[entry.kind].format(quoted(files[0]))] if entry.kind in _USES else [])]
-        data = {"uid": entry.uid, "kind": entry.kind.word, "revision": number, "files": list(map(str, files))}
-        return Answer(diagnostics=tuple(warned), text="\n".join(lines), data=data)
-
-    return ask(arguments, work)
+    entry = client.entry(arguments.uid, kind_of(arguments.kind))
+    number = client.revision(entry, arguments.revision).number
+    files = pull(client, [(entry, arguments.output)], revision=number, force=arguments.force)
+    advice = "it runs only with --trust: read it first"
+    warned = [
+        warning("K038", f"{path} is a program by {entry.author}", help=advice)
+        for path in files
+        if path.suffix.lower() == ".py"
+    ]
+    lines = [*map(str, files), *([_USES[entry.kind].format(quoted(files[0]))] if entry.kind in _USES else [])]
+    data = {"uid": entry.uid, "kind": entry.kind.word, "revision": number, "files": list(map(str, files))}
+    return Answer(diagnostics=tuple(warned), text="\n".join(lines), data=data)

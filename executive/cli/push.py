@@ -9,7 +9,7 @@ from mimetypes import guess_type
 from pathlib import Path
 
 from executive.cli.console import Answer
-from executive.cli.server import ask, kind_of
+from executive.cli.server import asking, kind_of
 from executive.cli.server_arguments import PushArguments
 from executive.runs.files import check_files, refuse
 from planlang.diagnostics import BadInput, Diagnostic, error
@@ -22,7 +22,8 @@ _BUNDLED = {Kind.RECIPE: Bundled.RECIPE, Kind.ENVIRONMENT: Bundled.ENVIRONMENT, 
 """Kinds with bundled files, which need no path."""
 
 
-def command(arguments: PushArguments) -> Answer:
+@asking
+def command(arguments: PushArguments, client: Client) -> Answer:
     """Upload a file and its attachments. Raises BadInput with the findings of the server's checks."""
     problems: list[Diagnostic] = []
     attached = arguments.attach or []
@@ -36,23 +37,17 @@ def command(arguments: PushArguments) -> Answer:
     assert kind is not None
     path = _BUNDLED[kind].find(arguments.file) if kind in _BUNDLED else Path(arguments.file)
     data = read_file(path)
-
-    def work(client: Client) -> Answer:
-        try:
-            uploaded, is_new = _upload(client, kind, arguments, data)
-        except RefusedByChecks as problem:
-            raise RefusedByChecks(
-                problem.status, str(problem), _placed(problem.diagnostics, arguments.name, path)
-            ) from None
-        entry, sent = _attach(client, uploaded.entry, attached)
-        had = "" if is_new else " has this content already"
-        lines = [f"{entry.uid}: revision {entry.revision.number}{had}", *(f"attached {name}" for name in sent)]
-        data_ = {"uid": entry.uid, "revision": entry.revision.number, "etag": entry.etag, "attached": sent}
-        return Answer(
-            diagnostics=_placed(uploaded.diagnostics, arguments.name, path), text="\n".join(lines), data=data_
-        )
-
-    return ask(arguments, work)
+    try:
+        uploaded, is_new = _upload(client, kind, arguments, data)
+    except RefusedByChecks as problem:
+        raise RefusedByChecks(
+            problem.status, str(problem), _placed(problem.diagnostics, arguments.name, path)
+        ) from None
+    entry, sent = _attach(client, uploaded.entry, attached)
+    had = "" if is_new else " has this content already"
+    lines = [f"{entry.uid}: revision {entry.revision.number}{had}", *(f"attached {name}" for name in sent)]
+    data_ = {"uid": entry.uid, "revision": entry.revision.number, "etag": entry.etag, "attached": sent}
+    return Answer(diagnostics=_placed(uploaded.diagnostics, arguments.name, path), text="\n".join(lines), data=data_)
 
 
 def _upload(client: Client, kind: Kind, arguments: PushArguments, data: bytes) -> tuple[Taken, bool]:

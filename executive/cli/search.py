@@ -7,7 +7,7 @@ from dataclasses import asdict
 from itertools import islice
 
 from executive.cli.console import Answer
-from executive.cli.server import ask, kind_of
+from executive.cli.server import asking, kind_of
 from executive.cli.server_arguments import SearchArguments
 from executive.runs.files import chosen, refuse
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
@@ -16,28 +16,25 @@ from planlang.knowledge.answers import Found
 from planlang.knowledge.client import Client
 
 
-def command(arguments: SearchArguments) -> Answer:
+@asking
+def command(arguments: SearchArguments, client: Client) -> Answer:
     """List matching entries of a server. Raises BadInput."""
     robot = None if arguments.robot is None else self_model_of(arguments.robot)
     kind = kind_of(arguments.kind)
-
-    def work(client: Client) -> Answer:
-        entries = client.search(
-            expression=arguments.expression,
-            label=arguments.label,
-            kind=kind.value if kind else None,
-            room=arguments.room,
-            floor=arguments.floor,
-            building=arguments.building,
-            street=arguments.street,
-            city=arguments.city,
-            sort="rating",
-            robot=robot,
-            most=arguments.limit + 1,
-        )
-        return _answer(list(islice(entries, arguments.limit + 1)), arguments.limit)
-
-    return ask(arguments, work)
+    entries = client.search(
+        expression=arguments.expression,
+        label=arguments.label,
+        kind=kind.value if kind else None,
+        room=arguments.room,
+        floor=arguments.floor,
+        building=arguments.building,
+        street=arguments.street,
+        city=arguments.city,
+        sort="rating",
+        robot=robot,
+        most=arguments.limit + 1,
+    )
+    return _answer(list(islice(entries, arguments.limit + 1)), arguments.limit)
 
 
 def self_model_of(name: str) -> str:

@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeVar
 from urllib.parse import urlsplit
 
 from executive.cli.console import Answer, ExitCode
@@ -23,24 +24,31 @@ LARGEST_KEY_FILE = 1_000
 _KEY = re.compile(r"[A-Za-z0-9._~+/=-]{1,500}")
 
 
-def ask(arguments: ServerArguments, work: Callable[[Client], Answer]) -> Answer:
-    """Do a command's work with a client of the server that the arguments name; refusals become diagnostics.
+A = TypeVar("A", bound=ServerArguments)
 
-    Exit code 1 if the server does not answer as agreed. Raises BadInput.
+
+def asking(work: Callable[[A, Client], Answer]) -> Callable[[A], Answer]:
+    """Make a command of its work with a client of the server that the arguments name; refusals become diagnostics.
+
+    Exit code 1 if the server does not answer as agreed. The command raises BadInput.
     """
-    with _client(arguments) as client:
-        try:
-            reply = work(client)
-        except (NoAnswer, NotAsAgreed) as problem:
-            return Answer(ExitCode.FAILED, diagnostics_of(client.url, problem))
-        except Refused as problem:
-            raise BadInput(diagnostics_of(client.url, problem)) from None
-        warned = [*kept_warning(client)]
-        url = urlsplit(client.url)
-        can_be_read = url.scheme == "http" and url.hostname not in ("localhost", "127.0.0.1", "::1")  # by others
-        if isinstance(arguments, AuthorArguments) and can_be_read:
-            warned.append(warning("K043", f"your key went to {client.url} unencrypted", help="use https"))
-        return replace(reply, diagnostics=(*reply.diagnostics, *warned))
+
+    def command(arguments: A) -> Answer:
+        with _client(arguments) as client:
+            try:
+                reply = work(arguments, client)
+            except (NoAnswer, NotAsAgreed) as problem:
+                return Answer(ExitCode.FAILED, diagnostics_of(client.url, problem))
+            except Refused as problem:
+                raise BadInput(diagnostics_of(client.url, problem)) from None
+            warned = [*kept_warning(client)]
+            url = urlsplit(client.url)
+            can_be_read = url.scheme == "http" and url.hostname not in ("localhost", "127.0.0.1", "::1")  # by others
+            if isinstance(arguments, AuthorArguments) and can_be_read:
+                warned.append(warning("K043", f"your key went to {client.url} unencrypted", help="use https"))
+            return replace(reply, diagnostics=(*reply.diagnostics, *warned))
+
+    return command
 
 
 def _client(arguments: ServerArguments) -> Client:

@@ -6,7 +6,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
-from executive.cli.arguments import Arguments, OntologyArguments
+from executive.cli.arguments import Arguments, OntologyArguments, PlaceArguments
 from executive.options.declaring import argument, option, output
 from planlang.records import dataclass
 
@@ -49,11 +49,10 @@ class AuthorArguments(ServerArguments):
 
 Uid = Annotated[str, argument(metavar="UID", help="Identifier of the entry, as search prints it.")]
 Kind = Annotated[KindWord | None, option(help="Kind of entry.", shows_default=False)]
-Place = Annotated[str | None, option(metavar="NAME", help="Only maps of this place.", shows_default=False)]
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchArguments(ServerArguments):
+class SearchArguments(PlaceArguments, ServerArguments):
     """Search a server for recipes, object models, maps, robots and experiences.
 
     An entry must meet all criteria. EXPRESSION is a class in Manchester syntax; subclasses match, too.
@@ -67,11 +66,6 @@ class SearchArguments(ServerArguments):
     ] = None
     label: Annotated[str | None, option(metavar="TEXT", help="Part of the label or name.")] = None
     kind: Kind = None
-    room: Place = None
-    floor: Place = None
-    building: Place = None
-    street: Place = None
-    city: Place = None
     robot: Annotated[
         str | None,
         option(metavar="ROBOT", help="Show what this robot (a file, or a bundled one) can use, and what it lacks."),

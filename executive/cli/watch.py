@@ -11,7 +11,7 @@ from dataclasses import asdict
 import click
 
 from executive.cli.console import Answer, printer_of, say
-from executive.cli.server import ask
+from executive.cli.server import asking
 from executive.cli.server_arguments import WatchArguments
 from planlang.diagnostics import BadInput, error
 from planlang.knowledge.answers import NoAnswer
@@ -23,12 +23,9 @@ MOST_KEPT = 10_000
 """Number of the latest news that --json prints at the end."""
 
 
-def command(arguments: WatchArguments) -> Answer:
+@asking
+def command(arguments: WatchArguments, client: Client) -> Answer:
     """Print news until Ctrl-C, which is the usual end. Raises BadInput."""
-    return ask(arguments, lambda client: _watch(client, arguments))
-
-
-def _watch(client: Client, arguments: WatchArguments) -> Answer:
     if arguments.stop:
         return _unsubscribe(client, arguments.uids or ())
     kept: deque[News] = deque(maxlen=MOST_KEPT)

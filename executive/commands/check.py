@@ -131,9 +131,9 @@ def _fix(recipe: RecipeFile, options: CheckOptions) -> CheckResult:
     if problems:
         raise BadInput(problems)
     task, folders = options.task, options.folders
-    from executive.runs.fixing import fixed as fixed_recipe  # slow, and most recipes are only checked
+    from planlang.recipe.fixes.fixing import fix_recipe  # slow, and most recipes are only checked
 
-    fixed = fixed_recipe(recipe, task=task, folders=folders, accepted=accepted)
+    fixed = fix_recipe(recipe.path, task=task, folders=folders, accepted=frozenset(accepted), content=recipe.content)
     module_problems: list[Diagnostic] = []
     performed = performed_by_modules(options.modules, module_problems, trust=options.trust)
     checked, content = recipe.path, recipe.content

@@ -19,6 +19,8 @@ from types import TracebackType
 from typing import Any, Self
 from urllib.parse import parse_qs, urlsplit
 
+from planlang.records import dataclass
+
 HERE = "127.0.0.1"
 LONGEST_COMMAND = 1000
 """Largest command [bytes]."""
@@ -36,6 +38,7 @@ NEVER_KEPT = {
 }
 
 
+@dataclass(frozen=True, slots=True)
 class Served:
     """Callbacks that answer a browser's requests."""
 
@@ -45,14 +48,6 @@ class Served:
     """Yields the updates after a number, and then new ones as they come, until the run ends."""
     command: Callable[[Mapping[str, Any]], str | None]
     """Executes a command; the result is an error message or None."""
-
-    def __init__(
-        self,
-        page: Callable[[], bytes],
-        news: Callable[[int], Iterator[Mapping[str, Any]]],
-        command: Callable[[Mapping[str, Any]], str | None],
-    ) -> None:
-        self.page, self.news, self.command = page, news, command
 
 
 class LiveServer:

@@ -32,8 +32,6 @@ BEFORE = np.arange(0.1, 1.0, CELL)
 """Distances from an edge at which the base may stand to reach over it [m]."""
 TOWARDS = 0.7
 """Smallest cosine between the way to an edge and a given direction."""
-ROUND = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
-"""Half a turn about the vertical."""
 GRAZING = 5e-3
 """Height by which a displaced thing may overlap others [m]: it stands on one of them."""
 
@@ -160,14 +158,6 @@ class Changes:
         if not self._helps_at(replace(pose, position=(x, y, z + low - thing.low))):
             return ""
         return f"{low:.2f} m above the floor instead of {thing.low:.2f} m, {self.body} could be reached"
-
-    def turned(self) -> str:
-        """Describe a half turn of the thing, if that helps."""
-        x, y, _ = self.scene.bodies.pose(self.body).position
-        turned = Pose((x, y, 0.0)) @ ROUND @ Pose((-x, -y, 0.0)) @ self.scene.bodies.pose(self.body)
-        if self._helps_at(turned):
-            return f"turned by 180 degrees, {self.body} could be reached"
-        return ""
 
     def _helps_at(self, pose: Pose) -> bool:
         """Check whether it helps if the thing, with what moves along, is at a pose."""

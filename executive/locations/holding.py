@@ -300,7 +300,8 @@ class _Hand:
             return None
         for links in (frozenset(self.arm.gripper.finger_links), self.model.hand_links):
             touches = scene.world.touches(sorted(links), Configuration(_BASE, joints))
-            if (sides := _sides(touches, least)) is not None:
+            if (pair := opposed(touches, least)) is not None:
+                sides = _alike(pair[0], touches), _alike(pair[1], touches)
                 palm = next((one.link for side in sides for one in side if one.link not in self.branches), None)
                 is_rim = thing.wall > 0 and math.dist(sides[0][0].point, sides[1][0].point) < NARROW
                 return _Pinch(RIM if is_rim else self._how(sides, palm), palm)
@@ -336,15 +337,6 @@ def _tried(free: Sequence[float]) -> tuple[float, ...]:
         runs[-1].append(place)
     around = next(run for run in runs if middle in run)
     return tuple(dict.fromkeys((middle, around[0], around[-1])))
-
-
-def _sides(touches: Sequence[Touch], least: float) -> tuple[list[Touch], list[Touch]] | None:
-    """Divide touches by different links into those on two opposite sides, the most opposed first; None if none are.
-
-    ``least`` is the largest cosine between opposite normals.
-    """
-    pair = opposed(touches, least)
-    return None if pair is None else (_alike(pair[0], touches), _alike(pair[1], touches))
 
 
 def _alike(one: Touch, touches: Sequence[Touch]) -> list[Touch]:

@@ -92,9 +92,13 @@ class Places:
 class InverseMap:
     """Reachability map prepared for inversion, level by level on demand."""
 
-    def __init__(self, forward: ReachabilityMap, exact: Array | None = None) -> None:
-        """Prepare a map; ``exact`` holds x, y [m] and heading [rad] of rows (n, 3) that are off the lattice."""
-        self.forward, self._exact = forward, exact
+    def __init__(self, forward: ReachabilityMap) -> None:
+        self.forward = forward
+        self._exact: Array | None = None
+        if is_bound(forward.arm):  # its rows are off the lattice: x, y [m] and heading [rad] of each
+            q, roll = forward.postures[forward.rows["posture"]], forward.rows["roll"].astype(int)
+            self._exact, _ = exact_places(carried(forward.arm), q, forward.grasp, forward.arm.frame, roll)
+        exact = self._exact
         rows = forward.rows
         away = np.hypot(*exact.T[:2]) if exact is not None else CELL * np.hypot(rows["x"], rows["y"], dtype=np.float64)
         self.reach = float(away.max()) if len(rows) else 0.0
@@ -178,13 +182,6 @@ class InverseMaps:
             if facts not in _prepared:
                 while len(_prepared) >= MOST_MAPS:
                     del _prepared[next(iter(_prepared))]
-                _prepared[facts] = self._prepare(arm, grasp)
+                _prepared[facts] = InverseMap(reachability_map(arm, grasp, self._robot, self._report))
             self._known[key] = _prepared[facts]
         return self._known[key]
-
-    def _prepare(self, arm: ArmModel, grasp: GraspClass) -> InverseMap:
-        forward = reachability_map(arm, grasp, self._robot, self._report)
-        if not is_bound(arm):
-            return InverseMap(forward)
-        q, roll = forward.postures[forward.rows["posture"]], forward.rows["roll"].astype(int)
-        return InverseMap(forward, exact_places(carried(arm), q, grasp, arm.frame, roll)[0])

@@ -175,15 +175,13 @@ class ReachabilityMap:
 
     def _exact(self, rows: Index) -> Array:
         """Solve for joint values (m, d) at the poses of rows (m,), without the lift; results are cached."""
-        new = np.unique(rows[~self._is_solved[rows]])
+        joints, known = self._solved
+        new = np.unique(rows[~known[rows]])
         if len(new):
-            near, lift = self.postures[self.rows["posture"][new]], self.arm.lift
-            # each converged when the map was built
-            self._solved[new], _ = carried(self.arm).solve(
-                self.poses(new, 0.0 if lift is None else lift.lowest), near[:, None]
-            )
-            self._is_solved[new] = True
-        return self._solved[rows]
+            near, lowest = self.postures[self.rows["posture"][new]], self.arm.lift.lowest if self.arm.lift else 0.0
+            joints[new], _ = carried(self.arm).solve(self.poses(new, lowest), near[:, None])  # as when it was built
+            known[new] = True
+        return joints[rows]
 
     def poses(self, rows: ArrayLike, torso: ArrayLike = 0.0) -> Array:
         """Compute tip poses (m, 4, 4) of rows (m,) in the base link's frame."""
@@ -243,12 +241,9 @@ class ReachabilityMap:
         return np.searchsorted(levels, np.arange(self.lowest_level, int(levels[-1]) + 2 if len(self) else 1))
 
     @cached_property
-    def _solved(self) -> Array:
-        return np.zeros((len(self), self.postures.shape[1]))
-
-    @cached_property
-    def _is_solved(self) -> NDArray[np.bool_]:
-        return np.zeros(len(self), bool)
+    def _solved(self) -> tuple[Array, NDArray[np.bool_]]:
+        """Exact joint values of rows (n, d), and which of them are known (n,)."""
+        return np.zeros((len(self), self.postures.shape[1])), np.zeros(len(self), bool)
 
     @cached_property
     def _sorted(self) -> NDArray[np.int64]:

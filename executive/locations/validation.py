@@ -274,23 +274,17 @@ class BaseValidator:
                 log.reject(base, score, f"{reach.body} is in reach")
                 return None
         log.remember(base, score)
+        # whose left and right was meant, if the location names sides
+        frame: dict[str, object] = {"frame": said} if (said := sides(demand, self.scene)) else {}
         if not reached:
-            return Solution(base, self.scene.belief.revision, self._sides(demand))
+            return Solution(base, self.scene.belief.revision, frame)
         arm = next(iter(reached.values())).arm.name
         for reach, candidate in reached.items():
             self._reached.setdefault((candidate.arm.name, rounded(base)), {})[reach] = candidate
         while len(self._reached) > MOST_REMEMBERED:
             del self._reached[next(iter(self._reached))]
-        detail = {
-            "arm": arm,
-            "reaches": [candidate.plan.label for candidate in reached.values()],
-            **self._sides(demand),
-        }
+        detail = {"arm": arm, "reaches": [candidate.plan.label for candidate in reached.values()], **frame}
         return Solution(base, self.scene.belief.revision, detail)
-
-    def _sides(self, demand: BaseDemand) -> dict[str, object]:
-        """Whose left and right was meant, if a location names sides."""
-        return {"frame": said} if (said := sides(demand, self.scene)) else {}
 
     def _all(
         self, wanted: Sequence[Reach], base: BasePose, arm: ArmModel, log: Rejections

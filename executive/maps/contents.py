@@ -19,8 +19,9 @@ from executive.maps.semantic_map import SemanticMap
 from planlang.diagnostics import BadInput, Diagnostic, Severity, warning
 from planlang.effects import effects_of, heat_effects, number_of_class, number_of_individual
 from planlang.geometry.areas import Block
+from planlang.geometry.shapes import Size
 from planlang.ontology import Ontology, expand, shorten
-from planlang.state.matter import KG_PER_ML, ON, Heating, Portion, Rules, Size
+from planlang.state.matter import KG_PER_ML, ON, Heating, Portion, Rules
 from sim import Body
 from sim.movers import Mover
 from sim.scene import BodyShape
@@ -33,32 +34,35 @@ USUAL_AMOUNT = 100.0
 """Default amount of a content [ml]."""
 
 
-def rules_of(ontology: Ontology) -> Rules:
+def rules_of(ontologies: Sequence[Ontology]) -> Rules:
     """Read the effects of heat, the default sizes of new objects and the flow rate. Raises BadInput."""
-    heating = tuple(
+    heating = (
         Heating(_short(one.inputs), shorten(one.output), _short(one.devices), one.duration)
+        for ontology in ontologies
         for one in heat_effects(ontology)
     )
-    flow = effects_of(ontology, expand("FluidFlow-Translation")).flow_rate
-    return Rules(heating, _taxonomy(ontology), _sizes(ontology), 0.0 if flow is None else flow)
+    flow = effects_of(ontologies[0], expand("FluidFlow-Translation"), also=ontologies[1:]).flow_rate
+    is_a, size = _taxonomy(ontologies), _sizes(ontologies)
+    return Rules(tuple(dict.fromkeys(heating)), is_a, size, 0.0 if flow is None else flow)
 
 
 def _short(classes: Iterable[str]) -> tuple[str, ...]:
     return tuple(map(shorten, classes))
 
 
-def _taxonomy(ontology: Ontology) -> Callable[[str, str], bool]:
+def _taxonomy(ontologies: Sequence[Ontology]) -> Callable[[str, str], bool]:
     @cache
     def is_a(cls: str, above: str) -> bool:
-        return cls == above or is_kind(ontology, cls, above)
+        return cls == above or any(is_kind(ontology, cls, above) for ontology in ontologies)
 
     return is_a
 
 
-def _sizes(ontology: Ontology) -> Callable[[str], Size | None]:
+def _sizes(ontologies: Sequence[Ontology]) -> Callable[[str], Size | None]:
     @cache
     def size(cls: str) -> Size | None:
-        return read_size(ontology, expand(cls), (expand(cls),), [])
+        sizes = (read_size(ontology, expand(cls), (expand(cls),), []) for ontology in ontologies)
+        return next(filter(None, sizes), None)
 
     return size
 

@@ -175,7 +175,7 @@ def _built(semantic_map: SemanticMap, notes: list[Diagnostic]) -> Scene:
 
         bodies = with_obstacles(bodies, semantic_map, notes)
     controls = controls_of(bodies, joints, semantic_map)
-    rules = rules_of(semantic_map.ontology)
+    rules = rules_of(semantic_map.declaring)
     movers = tuple(movers_of(bodies, semantic_map, notes))
     scene = Scene(tuple(bodies), _bounds(bodies), joints=joints, controls=controls, movers=movers, rules=rules)
     _check_support(scene, semantic_map, notes)

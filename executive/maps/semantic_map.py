@@ -34,6 +34,8 @@ class SemanticMap:
     diagnostics: tuple[Diagnostic, ...]
     ignores_unread: bool = False
     """True if the world may lack what cannot be read: see :func:`planlang.diagnostics.unread`."""
+    recipes: tuple[Ontology, ...] = ()
+    """Ontologies of which classes and effects count, too, in a run."""
     _known: Mapping[str, MapObject] = field(init=False, repr=False, compare=False)
     _holders: Mapping[str, MapObject] = field(init=False, repr=False, compare=False)
     _carriers: frozenset[str] = field(init=False, repr=False, compare=False)
@@ -56,6 +58,11 @@ class SemanticMap:
         object.__setattr__(self, "_holders", {part: thing for thing in backwards for part in thing.parts})
         hinges = (iri for thing in self.objects if thing.pose and thing.size for iri in thing.hinged_to)
         object.__setattr__(self, "_carriers", frozenset(hinges))
+
+    @property
+    def declaring(self) -> tuple[Ontology, ...]:
+        """Ontologies that declare classes and effects: the map's first."""
+        return (self.ontology, *self.recipes)
 
     @property
     def has_files(self) -> bool:

@@ -99,6 +99,11 @@ def _is_header(triple: Triple) -> bool:
     return triple.predicate == RDF.type and triple.object == OWL.Ontology
 
 
+def namespace_of(map_iri: str | None) -> str:
+    """Make the namespace of what is added to a map."""
+    return f"{(map_iri or 'http://planlang.org/kb/map.owl').rstrip('#')}#"
+
+
 def with_placements(
     statements: Sequence[Triple], map_iri: str | None, placed: Mapping[str, Placement], *, gone: Container[str] = ()
 ) -> list[Triple]:
@@ -107,7 +112,7 @@ def with_placements(
     things |= placed.keys()
     kept = _without_poses(statements, things)
     used = {str(triple.subject) for triple in kept}
-    base = f"{(map_iri or 'http://planlang.org/kb/map.owl').rstrip('#')}#"
+    base = namespace_of(map_iri)
     for placement in placed.values():
         kept += _perception(placement, placed, base, used)
     return kept
@@ -135,7 +140,7 @@ def _without_poses(statements: Sequence[Triple], things: set[str]) -> list[Tripl
 def _perception(placement: Placement, placed: Mapping[str, Placement], base: str, used: set[str]) -> Iterator[Triple]:
     name = local_name(placement.thing)
     event, place = _free(f"{base}perception_{name}", used), _free(f"{base}pose_{name}", used)
-    parent = placed.get(placement.relative_to or "")
+    parent = placed.get(placement.relative_to) if placement.relative_to else None
     pose = placement.pose if parent is None else parent.pose.inverse() @ placement.pose
     facts = placement.facts or ((RDF.type, expand("SemanticMapPerception")),)
     yield from (_stated(event, prop, value) for prop, value in facts)

@@ -289,11 +289,15 @@ class Hands:
             control.belief.loaded(name, riders)
 
     def let_go(self, name: str, *, to: str | None = None) -> None:
-        """Release a held body: it falls onto what is below, or a person ``to`` takes it."""
+        """Release a held body: it falls onto what is below, or stays where it is, in the hand of a person ``to``."""
         control = self._control
-        rest = control.below(name)
-        fall = control.scene.world.pose(name).position[2] - rest.position[2]
-        self._at_rest[name] = now() + falling_time(fall)
+        if to is None:
+            rest = control.below(name)
+            fall = control.scene.world.pose(name).position[2] - rest.position[2]
+            self._at_rest[name] = now() + falling_time(fall)
+        else:
+            control.observe()
+            rest = control.scene.world.pose(name)
         for hand in control.belief.held[name].hands:
             control.world.loosen(hand.link)
         control.belief.released(name, rest, to=to)

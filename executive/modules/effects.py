@@ -86,9 +86,9 @@ class ActionEffects:
 
     def of(self, action: Action) -> Effects:
         """Collect the effects that an action's class declares, and the inputs and outputs that the action states."""
-        ontology = self._platform.belief.map.ontology
+        ontology, *also = self._platform.belief.map.declaring
         ancestors = [expand(cls) for cls in self._platform.ancestors(action.type)]
-        effects = effects_of(ontology, expand(action.type), ancestors)
+        effects = effects_of(ontology, expand(action.type), ancestors, also)
         destroyed, created = (
             tuple(known(ontology, what.type) for what in _objects(action, name))
             for name in ("inputs_destroyed", "outputs_created")
@@ -96,7 +96,7 @@ class ActionEffects:
         return replace(
             effects,
             destroyed=(*effects.destroyed, *destroyed),
-            created=narrowest(ontology, (*effects.created, *created)),
+            created=narrowest((ontology, *also), (*effects.created, *created)),
         )
 
     def may_create(self, what: Object, actions: Iterable[str]) -> bool:
@@ -285,7 +285,9 @@ class ActionEffects:
         return self._queries.rules.is_a(shorten(type), shorten(cls))
 
     def _usual_amount(self, type: str) -> float | None:
-        return number_of_class(self._platform.belief.map.ontology, [expand(type)], "amount")
+        every = self._platform.belief.map.declaring
+        amounts = (number_of_class(ontology, [expand(type)], "amount") for ontology in every)
+        return next((amount for amount in amounts if amount is not None), None)
 
 
 def _objects(action: Action, name: str) -> Iterator[Object]:

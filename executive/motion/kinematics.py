@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from executive.motion.symbolic import ROTATION_WEIGHT, ChainFunctions, Variable
 from planlang.geometry import Array
 from planlang.geometry.matrices import product, rotated
-from planlang.geometry.urdf import KINDS, Joint, NoSuchChain, joints_between, read_urdf
+from planlang.geometry.urdf import KINDS, Joint, NoSuchChain, joints_between, master_of, read_urdf
 from planlang.kernel import still_computing
 
 POSITION_TOLERANCE = 1e-4
@@ -92,7 +92,8 @@ class Chain(JointRanges):
         variables: list[Variable] = []
         ranges: dict[str, tuple[float, float]] = {}
         for joint in joints:
-            name, multiplier, offset = _master(joint, every)
+            followed = master_of(joint, every)
+            name, multiplier, offset = followed.joint, followed.multiplier, followed.offset
             master = every[name]
             if joint.kind == "fixed" or name in locked or joint.name in locked or master.kind == "fixed":
                 value = locked.get(joint.name, multiplier * locked.get(name, 0.0) + offset)
@@ -143,9 +144,6 @@ class Chain(JointRanges):
         for joint in joints:
             if joint.kind not in KINDS and joint.name not in at:
                 raise NoSuchChain(base_link, tip_link, f"joint {joint.name!r} is {joint.kind or 'untyped'!r}", links)
-            if joint.mimic is not None and joint.mimic.joint not in known:
-                problem = f"joint {joint.name!r} mimics {joint.mimic.joint!r}, which does not exist"
-                raise NoSuchChain(base_link, tip_link, problem, links)
         chain = cls(joints, others=every, locked=at)
         if not chain.names:
             raise NoSuchChain(base_link, tip_link, "no joint between them moves", links)
@@ -336,17 +334,6 @@ class Chain(JointRanges):
 _FUNCTIONS: dict[str, ChainFunctions] = {}
 MOST_CHAINS = 32
 """Number of chains whose functions are cached in a process: arms, necks and lifts of several robots."""
-
-
-def _master(joint: Joint, every: Mapping[str, Joint]) -> tuple[str, float, float]:
-    """Resolve the master of a joint through chains of mimics: (name, multiplier, offset)."""
-    multiplier, offset, seen = 1.0, 0.0, {joint.name}
-    while joint.mimic is not None and joint.mimic.joint in every and joint.mimic.joint not in seen:
-        offset += multiplier * joint.mimic.offset
-        multiplier *= joint.mimic.multiplier
-        joint = every[joint.mimic.joint]
-        seen.add(joint.name)
-    return joint.name, multiplier, offset
 
 
 def _whole(rows: Array) -> Array:

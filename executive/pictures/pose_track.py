@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
-from planlang.geometry.urdf import Joint, displacement, read_urdf
+from planlang.geometry.urdf import Joint, displacement, master_of, read_urdf
 from planlang.records import dataclass
 from sim.robot import Robot
 from sim.truth import Truth
@@ -108,15 +108,13 @@ class _Links:
         self._joints: dict[str, float] = {}
         self._moved_by: dict[str, list[tuple[Joint, float, float]]] = {name: [] for name in robot.joints}
         """Joints that a joint moves: itself and those that mimic it, each with multiplier and offset of its value."""
-        masters = {name: (name, 1.0, 0.0) for name in robot.joints}
-        for name, followers in robot.followers.items():
-            masters |= {one.joint: (name, one.multiplier, one.offset) for _, one in followers}
         self.fixed: list[Placed] = []
         """Links that no joint moves."""
-        for joint in read_urdf(robot.body.urdf).joints:
-            if joint.name in masters:
-                master, multiplier, offset = masters[joint.name]
-                self._moved_by[master].append((joint, multiplier, offset))
+        every = {joint.name: joint for joint in read_urdf(robot.body.urdf).joints}
+        for joint in every.values():
+            master = master_of(joint, every)
+            if master.joint in self._moved_by:
+                self._moved_by[master.joint].append((joint, master.multiplier, master.offset))
             else:
                 self.fixed.append(_placed(joint, joint.origin))
 
@@ -146,6 +144,11 @@ class Track:
     poses: list[Pose | None] = field(default_factory=list)
     """Pose from the step with the same index on; None while the entity does not exist."""
 
+    def add(self, step: int, pose: Pose | None) -> None:
+        """Add the pose from a step on."""
+        self.steps.append(step)
+        self.poses.append(pose)
+
     def arrays(self) -> tuple[NDArray[np.int64], Array]:
         """Steps (n,), and positions and quaternions (n, 7); NaN while the entity does not exist."""
         rows = [(math.nan,) * 7 if one is None else one.position + one.orientation for one in self.poses]
@@ -161,5 +164,4 @@ class Tracks(dict[tuple[str, ...], Track]):
             track = self.get(placed.path)
             if track is None:
                 track = self[placed.path] = Track(placed.frame)
-            track.steps.append(step)
-            track.poses.append(placed.pose)
+            track.add(step, placed.pose)

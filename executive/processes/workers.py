@@ -28,7 +28,7 @@ from pkgutil import resolve_name
 from typing import Any
 
 from planlang.diagnostics import BadInput
-from planlang.machine import cpu_seconds, inherited, lower, stated
+from planlang.machine import cpu_seconds, inherited, lower, stated, used_address_space
 from planlang.records import dataclass
 
 
@@ -265,7 +265,7 @@ def _end_with(source: int) -> None:
 
 def _work(stream: BufferedRWPair[Any, Any], performs: Performs, limits: Limits) -> None:
     """Answer pickled calls (function, arguments) until the connection is closed."""
-    size, used, most = _address_space(), 0.0, inherited(resource.RLIMIT_CPU)
+    size, used, most = used_address_space(), 0.0, inherited(resource.RLIMIT_CPU)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     memory = lower(resource.RLIMIT_AS, size + limits.memory) - size
     while True:
@@ -311,12 +311,3 @@ def _cpu_time() -> float:
     """CPU time of this process [s]."""
     used = resource.getrusage(resource.RUSAGE_SELF)
     return used.ru_utime + used.ru_stime
-
-
-def _address_space() -> int:
-    """Address space in use [bytes]."""
-    try:
-        with open("/proc/self/statm", "rb") as statistics:
-            return int(statistics.read().split()[0]) * resource.getpagesize()
-    except OSError:
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024

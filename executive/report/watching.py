@@ -11,18 +11,18 @@ import hashlib
 import math
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executive.belief import Belief
 from executive.locations.rejections import MOST_PLACES, Rejections
 from executive.pictures import viewpoints
 from executive.pictures.drawn import HERE, Drawn, Shape, drawn_in
 from executive.pictures.floor_plan import colours
-from executive.pictures.pose_track import RATE, Placed
+from executive.pictures.pose_track import MAP, RATE, Track, Tracks
 from executive.pictures.scenery import Outline, outlines
 from executive.pictures.solids import Solid
 from planlang.designators import Location
@@ -100,71 +100,57 @@ FINEST = 1e-4
 BELIEVED = "belief"
 
 
-@dataclass(slots=True)
-class Track:
-    """Poses of a body, limb or link, or the believed poses of a body, as keyframes at the steps where it moved."""
+@dataclass(frozen=True, slots=True)
+class Entity:
+    """A body, limb or link, or a body as it is believed, with its poses."""
 
     kind: str
     name: str
     frame: str
     """Name of the parent body or link; empty for the map."""
-    steps: list[int] = field(default_factory=list)
-    poses: list[tuple[float, ...]] = field(default_factory=list)
-    """Position [m] and quaternion (x, y, z, w) at each of the steps."""
-    gone: list[tuple[int, bool]] = field(default_factory=list)
-    """Steps at which it disappears (True) or appears again (False)."""
+    track: Track
 
-    def add(self, step: int, pose: Pose) -> None:
-        """Add a keyframe."""
-        self.steps.append(step)
-        self.poses.append((*pose.position, *pose.orientation))
+    def keyframes(self) -> tuple[NDArray[np.int64], Array]:
+        """Steps (n,) at which it moved, and positions and quaternions (n, 7) from then on."""
+        steps, poses = self.track.arrays()
+        is_there = ~np.isnan(poses[:, 0])
+        return steps[is_there], poses[is_there]
 
-    def is_there(self, step: int, there: bool) -> None:
-        """Record whether it exists from a step on."""
-        if (not self.gone[-1][1] if self.gone else True) != there:
-            self.gone.append((step, not there))
+    def gone(self, rate: float) -> list[list[Any]]:
+        """Times [s] at which it disappears (True) or appears again (False)."""
+        gone = [pose is None for pose in self.track.poses]
+        rows = zip(self.track.steps, gone, [False, *gone], strict=False)
+        return [[step / rate, is_gone] for step, is_gone, was_gone in rows if is_gone != was_gone]
 
 
-class Tracks:
+class Entities:
     """Records the true and the believed poses of all entities."""
 
-    def __init__(self, rate: int, belief: Belief) -> None:
+    def __init__(self, belief: Belief) -> None:
         self._belief = belief
         self._told: object = None
-        self._believed: dict[str, Pose] = {}
-        self.rate = rate
-        self.all: dict[tuple[str, str], Track] = {}
-        """By kind and name, in the order of their first keyframes."""
-
-    def move(self, step: int, found: Sequence[Placed]) -> None:
-        """Record the entities that moved, as reported by :class:`~executive.pictures.pose_track.PoseTrack`."""
-        for one in found:
-            (kind, name), (_, frame) = _entity_at(one.path), _entity_at(one.frame)
-            track = self._track(kind, name, frame)
-            track.is_there(step, one.pose is not None)
-            if one.pose is not None:
-                track.add(step, one.pose)
+        self._believed: dict[str, Track] = {}
+        self.move = Tracks()
+        """Records the entities that moved, as reported by :class:`~executive.pictures.pose_track.PoseTrack`."""
 
     def believe(self, step: int) -> None:
-        """Record believed poses that changed since the last call, except for held objects, which move with the hand."""
+        """Record believed poses that changed since the last call; held objects have none, they move with the hand."""
         belief, state = self._belief, self._belief.state
         if self._told == (told := (state.poses, state.held, state.away)):
             return
-        self._told, names = told, set(belief.names())
-        held = belief.state.carried()
-        for name in sorted(names & {name for kind, name in self.all if kind == "body"}):
-            pose = belief.pose(name)
-            if name not in held and self._believed.get(name) != pose:
-                self._believed[name] = pose
-                self._track(BELIEVED, name, "").add(step, pose)
-        for (kind, name), track in self.all.items():
-            if kind == BELIEVED:
-                track.is_there(step, name in names and name not in held)
+        self._told, names = told, set(belief.names()) - set(state.carried())
+        for name in sorted(path[1] for path in self.move if path[0] == "bodies" and len(path) == 2):
+            pose = belief.pose(name) if name in names else None
+            track = self._believed.get(name)
+            if track is None and pose is not None:
+                track = self._believed[name] = Track(MAP)
+            if track is not None and track.poses[-1:] != [pose]:
+                track.add(step, pose)
 
-    def _track(self, kind: str, name: str, frame: str) -> Track:
-        if (kind, name) not in self.all:
-            self.all[kind, name] = Track(kind, name, frame)
-        return self.all[kind, name]
+    def all(self) -> list[Entity]:
+        """List the entities; frames come before what is in them."""
+        true = [Entity(*_entity_at(path), _entity_at(one.frame)[1], one) for path, one in self.move.items()]
+        return ordered([*true, *(Entity(BELIEVED, name, "", one) for name, one in self._believed.items())])
 
 
 def _entity_at(path: tuple[str, ...]) -> tuple[str, str]:
@@ -173,34 +159,43 @@ def _entity_at(path: tuple[str, ...]) -> tuple[str, str]:
     return kind, "/".join(path[1:])
 
 
-def packed(tracks: Sequence[Track], rate: float, shapes: Mapping[tuple[str, str], Any]) -> tuple[dict[str, Any], bytes]:
+def packed(
+    entities: Sequence[Entity], rate: float, shapes: Mapping[tuple[str, str], Any]
+) -> tuple[dict[str, Any], bytes]:
     """Encode entities with their shapes for the page's model, and their keyframes as compressed binary data.
 
     The data are the steps of all keyframes as 32-bit integers, then x, y, z, qx, qy, qz, qw as 16-bit integers, column
     by column; each is the difference from the entity's keyframe before. Poses are in the frame of the track.
     """
-    index = {(one.kind, one.name): number for number, one in enumerate(tracks)}
-    entities = [_entity(one, index, rate, shapes) for one in tracks]
-    all_poses = [_continuous(np.array(one.poses, float).reshape(-1, 7)) for one in tracks]
+    index = {(one.kind, one.name): number for number, one in enumerate(entities)}
+    keyframes = [one.keyframes() for one in entities]
+    all_poses = [_continuous(poses) for _, poses in keyframes]
     farthest = max((float(np.abs(poses[:, :3]).max()) for poses in all_poses if len(poses)), default=1.0)
     scale = max(FINEST, farthest / 32767)
     numbers = [_differences(np.rint(poses / ([scale] * 3 + [1 / 32767] * 4)).astype(np.int64)) for poses in all_poses]
-    steps = [_differences(np.array(one.steps, np.int64).reshape(-1, 1)) for one in tracks]
+    steps = [_differences(steps.reshape(-1, 1)) for steps, _ in keyframes]
     columns = np.concatenate(numbers or [np.zeros((0, 7))]).T.astype("<i2")
     data = np.concatenate(steps or [np.zeros((0, 1))]).astype("<i4").tobytes() + np.ascontiguousarray(columns).tobytes()
-    return {"entities": entities, "scale": scale, "period": 1 / RATE}, zlib.compress(data, 9)
+    listed = [
+        _entity(one, index, len(at), shapes, one.gone(rate)) for one, (at, _) in zip(entities, keyframes, strict=True)
+    ]
+    return {"entities": listed, "scale": scale, "period": 1 / RATE}, zlib.compress(data, 9)
 
 
 def _entity(
-    one: Track, index: Mapping[tuple[str, str], int], rate: float, shapes: Mapping[tuple[str, str], Any]
+    one: Entity,
+    index: Mapping[tuple[str, str], int],
+    keys: int,
+    shapes: Mapping[tuple[str, str], Any],
+    gone: list[list[Any]],
 ) -> dict[str, Any]:
     frames = ((kind, one.frame) for kind in (("body",) if one.kind == "limb" else ("link",)) if one.kind != "body")
     frame = next((index[key] for key in frames if key in index), -1)
-    entity: dict[str, Any] = {"name": one.name, "kind": one.kind, "frame": frame, "keys": len(one.steps)}
+    entity: dict[str, Any] = {"name": one.name, "kind": one.kind, "frame": frame, "keys": keys}
     if one.kind == BELIEVED:
         entity["of"] = index["body", one.name]
     entity["shapes"] = shapes.get((one.kind, one.name), [])
-    return entity | ({"gone": [[step / rate, is_gone] for step, is_gone in one.gone]} if one.gone else {})
+    return entity | ({"gone": gone} if gone else {})
 
 
 def _continuous(poses: Array) -> Array:
@@ -216,19 +211,18 @@ def _differences(numbers: Any) -> Any:
     return np.diff(numbers, axis=0, prepend=np.zeros((1, numbers.shape[1]), numbers.dtype))
 
 
-def ordered(tracks: Iterable[Track]) -> list[Track]:
-    """Sort tracks so that frames come before their children: bodies, limbs, links by depth, believed poses."""
+def ordered(entities: Sequence[Entity]) -> list[Entity]:
+    """Sort entities so that frames come before their children: bodies, limbs, links by depth, believed poses."""
     kinds = {"body": 0, "limb": 1, "link": 2, BELIEVED: 3}
-    unsorted = list(tracks)
-    parent_of = {one.name: one.frame for one in unsorted if one.kind == "link"}
+    parent_of = {one.name: one.frame for one in entities if one.kind == "link"}
 
-    def depth(one: Track) -> int:
+    def depth(one: Entity) -> int:
         count, frame = 0, one.frame if one.kind == "link" else ""
         while frame:
             count, frame = count + 1, parent_of.get(frame, "")
         return count
 
-    return sorted(unsorted, key=lambda one: (kinds[one.kind], depth(one)))
+    return sorted(entities, key=lambda one: (kinds[one.kind], depth(one)))
 
 
 MOST_QUESTIONS = 100
@@ -335,13 +329,13 @@ class Watching:
     def __init__(self, platform: Platform, truth: Truth) -> None:
         self.told = Told()
         self._truth, self._platform = truth, platform
-        self._tracks, self._shapes, self._questions = Tracks(truth.rate, platform.belief), Shapes(), Questions()
+        self._entities, self._shapes, self._questions = Entities(platform.belief), Shapes(), Questions()
         self._start = truth.configuration().base
         self._outlines = [_local(one, platform.scene.world.pose(one.name)) for one in outlines(platform.scene)]
         self._count = -1
         platform.resolver.watchers.append(self._questions.watch)
 
-        self.move = self._tracks.move
+        self.move = self._entities.move
         """Records the entities that moved."""
 
     def listen(self, record: Mapping[str, Any], node: object) -> None:
@@ -355,7 +349,7 @@ class Watching:
     def look(self, world: Truth) -> None:
         """Record the state after a world step."""
         self._questions.step = world.steps
-        self._tracks.believe(world.steps)
+        self._entities.believe(world.steps)
         if self._count != world.changed:  # bodies were added
             self._count = world.changed
             self._shapes.add(drawn_in(world))
@@ -363,7 +357,7 @@ class Watching:
     def world(self) -> tuple[dict[str, Any], dict[str, bytes]]:
         """Build the world's part of the page's model, and its binary data by name."""
         shapes, bounds = self._shapes, [round(float(one), 3) for one in self._truth.scene.bounds]
-        tracks, keys = packed(ordered(self._tracks.all.values()), self._tracks.rate, shapes.of)
+        tracks, keys = packed(self._entities.all(), self._truth.rate, shapes.of)
         radius = self._platform.scene.robot.base.radius
         room = {"bounds": bounds, "outlines": self._outlines, "radius": round(radius, 3), "start": list(self._start)}
         parts = {

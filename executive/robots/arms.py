@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
@@ -194,6 +195,16 @@ class ArmModel:
 def called(arm: str) -> str:
     """Name an arm in a sentence: the left arm, the arm."""
     return f"the {arm}" if arm.endswith("arm") else f"the {arm} arm"
+
+
+def too_far(arm: ArmModel, name: str, distance: float) -> str:
+    """Describe how near the shoulder of an arm gets to a thing, ``distance`` [m]; "" if that is within its reach."""
+    if not math.isfinite(distance):
+        return f"the base has no room to stand near {name}"
+    if distance < arm.reach:
+        return ""
+    where = f"the robot cannot get the shoulder of {called(arm.name)} closer than {distance:.2f} m to {name}"
+    return f"{where}, and the arm reaches {arm.reach:.2f} m"
 
 
 def arm_models(robot: Robot, world: PlanningWorld) -> tuple[ArmModel, ...]:

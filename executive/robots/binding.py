@@ -50,7 +50,7 @@ def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders:
     ``source`` is a loaded ontology, a file (self-model, robot file or URDF, recognised by content), or the name of a
     bundled robot. Without ``urdf``, a self-model is bound to the bundled robot whose self-model it is, else to the one
     that has the most of its actuated joints, and all of at least one arm. With ``urdf``, numbers come from a robot file
-    of the same stem beside it, if there is one, else from a bundled robot with the same arms.
+    of the same stem beside it, if there is one, else from a bundled robot with the same arms, else from a draft.
     Raises BadInput with all errors.
     """
     if isinstance(source, Ontology):

@@ -30,9 +30,9 @@ def fixed_recipe(
     file: RecipeFile, diagnostics: list[Diagnostic], task: str | None, folders: Sequence[Path], accepted: Sequence[str]
 ) -> bytes:
     """Fix a recipe in memory, with uncertain fixes of accepted codes; lines of diagnostics are those of its text."""
-    from executive.runs.fixing import fixed  # slow to import, and most recipes are not fixed
+    from planlang.recipe.fixes.fixing import fix_recipe  # slow to import, and most recipes are not fixed
 
-    result = fixed(file, task=task, folders=folders, accepted=accepted)
+    result = fix_recipe(file.path, task=task, folders=folders, accepted=frozenset(accepted), content=file.content)
     diagnostics.extend(note("C017", f"fixed {one.code} {one.message}", Span(str(file.path))) for one in result.done)
     for one, why in result.refused:
         diagnostics.append(warning("C022", f"refused: {one.code} {one.message}; {why}", one.span, why.advice))
@@ -151,12 +151,19 @@ def required(ontology: Ontology, recipes: RecipeSet) -> Requirements:
     return lambda robot: match(ontology, recipes, possessions_of(robot)).lacking()
 
 
-def required_of_plan(
-    source: PlanSource, plan: Plan[Any, Any], diagnostics: list[Diagnostic], *, folders: Sequence[Path] = ()
-) -> Requirements | None:
-    """Read the requirements of a compiled plan from its recipe; None for a plan written by hand.
+def required_of_plan(recipe: Ontology, source: PlanSource, plan: Plan[Any, Any]) -> Requirements | None:
+    """Make the requirements of a compiled plan, whose recipe may state more than its steps show."""
+    assert source.header is not None
+    reading = read_recipe(Actions(recipe), plan.iri or source.header.task)
+    return None if reading.recipes is None else required(recipe, reading.recipes)
 
-    A plan shows only what its steps do; the classes of the task and of its steps may require more. The recipe is named
+
+def recipe_of_plan(
+    source: PlanSource, diagnostics: list[Diagnostic], *, folders: Sequence[Path] = ()
+) -> Ontology | None:
+    """Read the recipe of a compiled plan, with what it imports; None for a plan written by hand.
+
+    It states requirements of the task and of its steps, and declares effects, which the plan does not show. It is named
     in the header, also of an edited plan. If it is missing or has changed, the result is None, with a warning in
     ``diagnostics``.
     """
@@ -164,11 +171,11 @@ def required_of_plan(
     if origin is None:
         return None
     span = Span(str(file))
-    unknown = f"the robot is not checked against the recipe {origin.recipe}"
+    unknown = f"the robot is not checked against the recipe {origin.recipe}, whose effects do not count"
     recipe = origin.find_recipe(file, folders)
     if recipe is None:
         advice = Text("name its folder with ", FOLDER)
-        diagnostics.append(warning("C011", f"{unknown}, which was not found", span, advice))
+        diagnostics.append(warning("C011", f"{unknown}: it was not found", span, advice))
         return None
     try:
         ontology = load(recipe, folders=folders)
@@ -178,7 +185,6 @@ def required_of_plan(
         return None
     if not ontology.documents[0].sha256.startswith(origin.sha256):
         advice = Text(calling("compile", recipe, output=file), " compiles the plan again")
-        diagnostics.append(warning("C009", f"{unknown}, which has changed since this plan was compiled", span, advice))
+        diagnostics.append(warning("C009", f"{unknown}: it has changed since this plan was compiled", span, advice))
         return None
-    reading = read_recipe(Actions(ontology), plan.iri or origin.task)
-    return None if reading.recipes is None else required(ontology, reading.recipes)
+    return ontology

@@ -38,6 +38,7 @@ from executive.runs.plan_files import (
     compiled,
     fixed_recipe,
     main_plan,
+    recipe_of_plan,
     required,
     required_of_plan,
     without_module,
@@ -66,7 +67,7 @@ from planlang.language.replaying import Replay, replay
 from planlang.language.running import known as run_header
 from planlang.language.running import run
 from planlang.language.source import PlanSource
-from planlang.ontology import load
+from planlang.ontology import Ontology, load
 from planlang.records import dataclass
 from planlang.runs import Different, Past, RecordedRun, Repetition, Trace, restore
 from planlang.runs.codec import dump
@@ -86,12 +87,11 @@ BUDGET, PER_STEP = 600.0, 60.0
 
 @dataclass(frozen=True, slots=True)
 class _Subject:
-    """Subject of a plan: the map, its bodies, the parameters, what actions create, and what the plan needs."""
+    """Subject of a plan: the map, its bodies, the parameters, and what the plan needs."""
 
     map: SemanticMap
     scene: Scene
     bound: Mapping[str, Bound]
-    made: frozenset[str]
     needs: Needs
 
 
@@ -106,6 +106,7 @@ class Run:
         self._inputs = Inputs() if inputs is None or options.accept else inputs
         self.found: list[Diagnostic] = list(files.notes)
         with ExitStack() as stack:  # closed here if something raises
+            self._recipe: tuple[Ontology, ...] = ()
             self._requirements: Requirements | None = None
             self._compiled: CompiledPlan | None = None
             self.registry = bundled_registry()
@@ -124,7 +125,7 @@ class Run:
                 plan = self._compiled = self._inputs.once(compiled, recipe, options.task, self.registry.actions)
                 self.source = plan.plan_source
                 self.found += plan.diagnostics
-                self._requirements = required(recipe, plan.recipes)
+                self._recipe, self._requirements = (recipe,), required(recipe, plan.recipes)
             self._module = load_plan(self.source)
             self.plan: Plan[Any, Any] = main_plan(self._module, options.task if self._is_by_hand else None)
             self._stack = stack.pop_all()
@@ -215,19 +216,21 @@ class Run:
         options, files, found = self.options, self.files, self.found
         assert files.environment is not None
         if self._is_by_hand:
-            self._requirements = required_of_plan(self.source, self.plan, found, folders=options.folders)
+            recipe = recipe_of_plan(self.source, found, folders=options.folders)
+            if recipe is not None:
+                self._recipe, self._requirements = (recipe,), required_of_plan(recipe, self.source, self.plan)
         read = self._inputs.once
         ontology = read(load, files.environment, folders=options.folders, also=files.additions)
         semantic_map = read(read_map, ontology, ignore_unread=options.ignore_unread)
         found += (*ontology.diagnostics, *semantic_map.diagnostics)
+        semantic_map = replace(semantic_map, recipes=self._recipe)
         scene = scene_of(semantic_map, found)
         if files.recorded is not None and not options.set:
             bound = recorded_parameters(files.recorded, plan_parameters(self.plan))
         else:
             bound = bound_parameters(self.plan, options.set or {}, semantic_map, found)
-        made = self.source.outputs
-        found += not_in_map(bound, semantic_map, made)
-        return _Subject(semantic_map, scene, bound, made, self.source.needs(self._module, self.plan))
+        found += not_in_map(bound, semantic_map, self.source.outputs)
+        return _Subject(semantic_map, scene, bound, self.source.needs(self._module, self.plan))
 
     def _assessment(self, subject: _Subject, robot: Robot | None = None) -> Assessment:
         """Assess what the process modules lack for the plan, and the robot if given."""
@@ -324,7 +327,7 @@ class Run:
                     executive.platform.scene.bodies.bind(what)
                 except ObjectUnresolvable as failure:
                     appears = executive.may_create(what, actions) or executive.may_find(what, actions)
-                    if name not in subject.made and not appears and name in self._read_parameters(executive):
+                    if name not in self.source.outputs and not appears and name in self._read_parameters(executive):
                         failures.setdefault(name, failure)
                 except AmbiguousPerception as failure:
                     failures.setdefault(name, failure)

@@ -286,6 +286,16 @@ def displacement(joint: Joint, value: float) -> Array:
     return moved
 
 
+def master_of(joint: Joint, every: Mapping[str, Joint]) -> Mimic:
+    """Find what a joint of a checked URDF follows in the end, through others that mimic; itself if it mimics none."""
+    multiplier, offset = 1.0, 0.0
+    while joint.mimic is not None and joint.mimic.joint in every:
+        offset += multiplier * joint.mimic.offset
+        multiplier *= joint.mimic.multiplier
+        joint = every[joint.mimic.joint]
+    return Mimic(joint.name, multiplier, offset)
+
+
 def joints_between(joints: Iterable[Joint], base_link: str, tip_link: str) -> tuple[Joint, ...]:
     """List the joints from ``base_link`` to ``tip_link``; raises :class:`NoSuchChain`."""
     to_child: dict[str, Joint] = {}

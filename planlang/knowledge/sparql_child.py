@@ -20,7 +20,7 @@ from typing import Any
 
 import pyoxigraph as ox
 
-from planlang.machine import lower
+from planlang.machine import lower, used_address_space
 
 _FORMATS = {
     "application/rdf+xml": ox.RdfFormat.RDF_XML,
@@ -33,7 +33,7 @@ GRAPHS = "urn:entry:"
 
 def close_off(room: int) -> None:
     """Give up the ability to open files and sockets, and to use more than ``room`` bytes of additional memory."""
-    size = _size()
+    size = used_address_space()
     listed = os.listdir("/proc/self/fd") if os.path.isdir("/proc/self/fd") else ["15"]
     limit = max(map(int, listed)) + 1
     resource.setrlimit(resource.RLIMIT_NOFILE, (limit, limit))
@@ -41,15 +41,6 @@ def close_off(room: int) -> None:
         if not _is_open(number):
             os.dup2(2, number)  # no free number is left below the limit
     lower(resource.RLIMIT_AS, size + room)
-
-
-def _size() -> int:
-    """Bytes of address space in use."""
-    try:
-        with open("/proc/self/statm", "rb") as statistics:
-            return int(statistics.read().split()[0]) * resource.getpagesize()
-    except OSError:
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 def _is_open(number: int) -> bool:

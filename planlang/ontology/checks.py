@@ -342,7 +342,7 @@ def _shown(term: Term) -> str:
 
 
 MOST_SUGGESTIONS = 20
-"""Undefined superclasses for which a similar name is looked up, which is slow in large ontologies."""
+"""Undefined classes for which a similar name is looked up, which is slow in large ontologies."""
 
 _W3C = (OWL, RDF, RDFS, XSD)
 
@@ -365,7 +365,9 @@ def check(ontology: Declarations, paths: Iterable[Path]) -> Iterator[Diagnostic]
     for path, rows in zip(paths, ontology.store.ranges, strict=True):
         if not (path.is_relative_to(own[0]) or path.resolve().is_relative_to(own[1])):
             if has_vocabulary:
-                yield from _undefined_superclasses(ontology, rows)
+                superclasses = _named_objects(ontology.store, RDFS.subClassOf, rows)
+                yield from _undefined(ontology, "the superclass {}", superclasses)
+                yield from _undefined(ontology, "the class {} of an effect", _classes_of_effects(ontology.store, rows))
             yield from _individuals_as_classes(ontology, rows)
             yield from _classes_as_individuals(ontology, rows)
             yield from _one_of_two_names(ontology.store, rows)
@@ -383,19 +385,42 @@ def _one_of_two_names(triples: Triples, rows: range) -> Iterator[Diagnostic]:
 
 def _named_objects(triples: Triples, predicate: str, rows: range) -> dict[str, int]:
     """Map the IRIs that are objects of a predicate in some rows to the first row of each."""
+    return _first_uses(triples, [row for row in triples.by(predicate) if row in rows])
+
+
+def _first_uses(triples: Triples, rows: Iterable[int]) -> dict[str, int]:
+    """Map the IRIs that are objects of some rows to the first row of each."""
     first: dict[int, int] = {}
-    for row in triples.by(predicate):
-        if row in rows:
-            first.setdefault(triples.objects[row], row)
+    for row in rows:
+        first.setdefault(triples.objects[row], row)
     return {name: row for number, row in first.items() if isinstance(name := triples.terms[number], str)}
 
 
-def _undefined_superclasses(ontology: Declarations, rows: range) -> Iterator[Diagnostic]:
-    first = _named_objects(ontology.store, RDFS.subClassOf, rows)
+_OF_EFFECTS = tuple(KNOWROB + name for name in ("byAction", "inputsDestroyed", "outputsCreated", "turnedOver"))
+"""Properties of an ObjectChange or a HeatChange that name classes."""
+
+
+def _classes_of_effects(triples: Triples, rows: range) -> dict[str, int]:
+    """Map the classes that declared effects name, and those of which steps create some, to the first row of each."""
+    changes = {triples.numbers.get(KNOWROB + name) for name in ("ObjectChange", "HeatChange")}
+    declaring = [
+        row
+        for row in triples.by(*_OF_EFFECTS)
+        if row in rows and any(triples.objects[one] in changes for one in triples.about(triples.subjects[row]))
+    ]
+    output = triples.numbers.get(KNOWROB + "outputsCreated", -1)
+    restricted = [row for row in triples.by(OWL.onProperty) if row in rows and triples.objects[row] == output]
+    created = {triples.subjects[row] for row in restricted}
+    declaring += [row for row in triples.by(OWL.someValuesFrom) if triples.subjects[row] in created]
+    return _first_uses(triples, sorted(declaring))
+
+
+def _undefined(ontology: Declarations, what: str, first: dict[str, int]) -> Iterator[Diagnostic]:
+    """Yield a warning for each class (IRI -> row of its first use) that nothing defines; ``what`` says what it is."""
     undefined = [name for name in first if not name.startswith(_W3C) and not ontology.defined(name)]
     same = namesakes(undefined, ontology.class_names())
     for index, name in enumerate(undefined[:MOST_WARNINGS]):
-        message = f"the superclass {local_name(name)} ({name}) is not defined"
+        message = f"{what.format(f'{local_name(name)} ({name})')} is not defined"
         advice = "import the file that defines it, or correct the name"
         if name in same:
             message = f"{message}; {same[name]} is used instead"

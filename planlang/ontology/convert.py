@@ -5,11 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from enum import Enum
 from pathlib import Path
 
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note, warning
+from planlang.files import Target as Target
 from planlang.files import decode, position_of
 from planlang.ontology.bson import is_bson
 from planlang.ontology.canonical import Sorting, differences, labelled
@@ -20,18 +20,6 @@ from planlang.ontology.manchester_writer import manchester
 from planlang.ontology.nested_writers import ntriples, rdfxml, turtle
 from planlang.ontology.terms import OWL, RDF, BNode, Literal, Term, Triple
 from planlang.records import dataclass
-
-
-class Target(Enum):
-    """Syntaxes that can be written."""
-
-    MANCHESTER = "manchester"
-    TURTLE = "turtle"
-    NTRIPLES = "ntriples"
-    RDFXML = "rdfxml"
-    FUNCTIONAL = "functional"
-    OWLXML = "owlxml"
-
 
 _HEAD = re.compile(r"@prefix|Prefix[:(]|Ontology\(|\)$|<\?xml|</?rdf:RDF|</?Ontology\b|xmlns|<Prefix\b")
 """Beginnings of the lines of a file, as it is written here, that state nothing of its terms."""

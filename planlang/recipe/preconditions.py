@@ -1,4 +1,4 @@
-"""Preconditions of actions, and the actions of a recipe or a run whose effects establish them.
+"""Preconditions of actions, and the actions of a recipe whose effects establish them.
 
 Ontologies declare both (:mod:`planlang.action_conditions`). A condition that no step establishes may hold from the
 start; it is reported only if a step establishes it too late.
@@ -11,7 +11,9 @@ from collections.abc import Callable, Iterator
 from planlang.action_conditions import Condition, Effect, Named
 from planlang.designators import local_name
 from planlang.recipe.actions import Actions
-from planlang.recipe.model import Filler, Place, Recipe, Step, Thing
+from planlang.recipe.canonical import canonical
+from planlang.recipe.model import Filler, Place, Recipe, RecipeSet, Step, Thing
+from planlang.recipe.order import Precedence, added_by_scopes, recipe_order
 from planlang.records import dataclass
 
 Before = Callable[[str, str], bool]
@@ -30,24 +32,20 @@ def iris_in(filler: Filler) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True)
 class Unmet:
-    """A step with a condition that another step establishes only later, or has already ended."""
+    """A step with a condition that another step establishes only later."""
 
     step: str
     condition: Condition
     other: str
-    is_over: bool = False
 
     @property
     def advice(self) -> str:
         """The correct order, as an instruction."""
-        step, other = local_name(self.step), local_name(self.other)
-        if self.is_over:
-            return f"order `{other}` after `{step}`, or before the step that establishes {self.condition}"
-        return f"order `{other}` before `{step}`"
+        return f"order `{local_name(self.other)}` before `{local_name(self.step)}`"
 
     def __str__(self) -> str:
-        when = "has ended by then" if self.is_over else "establishes only afterwards"
-        return f"`{local_name(self.step)}` needs {self.condition}, which `{local_name(self.other)}` {when}"
+        establishes = f"`{local_name(self.other)}` establishes only afterwards"
+        return f"`{local_name(self.step)}` needs {self.condition}, which {establishes}"
 
 
 class Preconditions:
@@ -101,6 +99,32 @@ class Preconditions:
             or any(not before(step, iri) and self._works(iri, one, before) for iri, one in makers)
             for given in effect.given
         )
+
+
+def too_early(actions: Actions, recipes: RecipeSet) -> tuple[Unmet, ...]:
+    """Find what a plan performs before its precondition, in the order that it takes where the recipes leave one open.
+
+    Nothing is found if the orders of a recipe contradict each other.
+    """
+    found: dict[Unmet, None] = {}
+    for recipe in canonical(recipes).recipes.values():
+        try:
+            order = recipe_order(recipe)
+        except ValueError:
+            return ()
+        order = order.extended(added_by_scopes(actions, recipe, recipes))
+        found |= dict.fromkeys(Preconditions(actions, recipe).unmet(_begun_before(order)))
+    return tuple(found)
+
+
+def _begun_before(order: Precedence[str]) -> Before:
+    """Which step a plan begins first if all take equally long: each begins when all those before it have ended."""
+    begun = dict.fromkeys(order.extension, 0)
+    for step in order.extension:
+        for following in order.covers(step):
+            begun[following] = max(begun[following], begun[step] + 1)
+    position = {step: number for number, step in enumerate(sorted(order.extension, key=begun.__getitem__))}
+    return lambda first, second: position[first] < position[second]
 
 
 def _fillers(step: Step | Recipe) -> Named:

@@ -13,9 +13,9 @@ from dataclasses import replace
 from planlang.changes import Change, Poured, Switched, Transformed, TurnedOver
 from planlang.geometry import Pose
 from planlang.geometry.matrices import upright
-from planlang.geometry.shapes import half_extents
+from planlang.geometry.shapes import Size, half_extents
 from planlang.iris import local_name
-from planlang.state.matter import PUDDLE, ROUNDING, Portion, Size, merged
+from planlang.state.matter import PUDDLE, ROUNDING, Portion, merged
 from planlang.state.questions import Point, Queries, is_free, is_vessel, thing_of, type_of
 from planlang.state.world import Made, WorldState
 

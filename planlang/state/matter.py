@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, replace
 from typing import Any, TypeVar
 
+from planlang.geometry.shapes import Size
 from planlang.records import dataclass
 
 T = TypeVar("T")
@@ -211,13 +212,8 @@ class Heating:
     seconds: float
 
 
-Size = tuple[float, float, float]
-
-
 PUDDLE = (0.14, 0.14, 0.008)
 """Size of a puddle if its class states none [m]."""
-
-
 ROUNDING = 1e-6
 """Error of a sum over many steps [s]."""
 

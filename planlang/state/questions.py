@@ -9,7 +9,8 @@ from collections.abc import Iterable, Iterator
 from typing import Protocol
 
 from planlang.geometry import Pose
-from planlang.state.matter import ROUNDING, Rules, Size
+from planlang.geometry.shapes import Size
+from planlang.state.matter import ROUNDING, Rules
 from planlang.state.world import WorldState
 
 Point = tuple[float, float, float]

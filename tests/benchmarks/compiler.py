@@ -69,10 +69,11 @@ def peak() -> float:
 
 def stages(form: str, size: int) -> Iterator[tuple[str, float]]:
     """Names of the stages of one compilation and how long each took [s]."""
-    from planlang.compiler.compile import canonical, emit
+    from planlang.compiler.compile import emit
     from planlang.compiler.lowering import Lowering
     from planlang.ontology import load
     from planlang.recipe import Actions, Ordering, Recipe, RecipeSet, Source, Step
+    from planlang.recipe.canonical import canonical
     from planlang.recipe.checks import CheckedFile, CheckedRecipe
     from planlang.recipe.checks.orderings import free_steps, missing_orders
     from planlang.recipe.checks.resources import shared_resources

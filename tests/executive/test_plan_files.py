@@ -17,7 +17,7 @@ from executive.runs.parameters import bound_parameters
 from executive.runs.plan_files import (
     assess,
     main_plan,
-    required_of_plan,
+    recipe_of_plan,
 )
 from executive.runs.plan_run import run_plan_file
 from planlang.compiler import compile_recipe
@@ -336,7 +336,7 @@ def test_a_plan_edited_or_not_is_refused_like_its_recipe_for_what_only_that_says
 
 
 @pytest.mark.parametrize(("now", "code"), [(LOOKING + "\n", "C009"), (LOOKING + "(", "C011"), (None, "C011")])
-def test_of_a_recipe_that_is_gone_or_has_changed_a_warning_says_that_its_requirements_are_not_known(
+def test_of_a_recipe_that_is_gone_or_has_changed_a_warning_says_that_what_it_requires_and_declares_is_not_known(
     now: str | None, code: str, tmp_path: Path
 ) -> None:
     recipe = tmp_path / "looking.omn"
@@ -346,7 +346,7 @@ def test_of_a_recipe_that_is_gone_or_has_changed_a_warning_says_that_its_require
     else:
         recipe.write_text(now, encoding="utf-8")
     found: list[Diagnostic] = []
-    assert required_of_plan(PlanSource.read(plan), main_plan(loaded(plan), None), found) is None
+    assert recipe_of_plan(PlanSource.read(plan), found) is None
     assert [(one.severity, one.code, str(one.span)) for one in found] == [(Severity.WARNING, code, f"{plan}:1:1")]
 
 
@@ -354,7 +354,7 @@ def test_a_plan_that_a_person_wrote_has_no_recipe_and_no_warning(tmp_path: Path)
     plan = tmp_path / "wait.py"
     plan.write_text("from planlang import plan\n\n\n@plan\nasync def rest() -> None:\n    pass\n")
     found: list[Diagnostic] = []
-    assert required_of_plan(PlanSource.read(plan), main_plan(loaded(plan), None), found) is None
+    assert recipe_of_plan(PlanSource.read(plan), found) is None
     assert not found
 
 

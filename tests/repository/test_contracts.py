@@ -33,7 +33,7 @@ BREACHES = {
     "the language stands on recorded runs, these on the kernel": ("planlang/kernel", "import planlang.runs"),
     "phrases know designators and ontologies only": ("planlang/phrases", "import planlang.failures"),
     "the language does not know recipes": ("planlang/language", "import planlang.recipe"),
-    "only tests, and rehearsals of fixes, use planlang.testing": ("executive/cli", "import planlang.testing"),
+    "only tests use planlang.testing": ("executive/cli", "import planlang.testing"),
     "belief and places know no recipes": ("executive/robots/__init__.py", "import executive.robots.tasks"),
     "the executive imports one way": ("executive/api.py", "import executive.cli.console"),
     "no module imports one that imports it": (

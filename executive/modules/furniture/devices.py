@@ -21,10 +21,9 @@ from executive.modules.furniture.containers import LeafWork, ways_tried
 from executive.modules.furniture.witnessing import is_witnessed
 from executive.modules.platform import Platform
 from executive.modules.runner import Skill
-from executive.modules.tools.motion_failures import too_far
 from executive.modules.tools.motion_grounding import Grounding
 from executive.modules.tools.strokes import Plane, StrokeWork
-from executive.robots.arms import ArmModel
+from executive.robots.arms import ArmModel, too_far
 from planlang.designators import Action, Object
 from planlang.failures import (
     ActionUnresolvable,
@@ -63,7 +62,7 @@ LEANS = -0.7
 """Cosine between the hand's approach and the button's normal at the largest lean, 45 degrees."""
 
 UPRIGHT = 0.7
-"""Vertical component of a button's normal above which it is on top of its device, so that turning would not help."""
+"""Vertical component of a button's normal above which it is on top of its device, at no edge."""
 Reaches = Callable[[PlanningScene], bool]
 """Predicate: can a hand reach the button in a scene that is supposed?"""
 
@@ -116,29 +115,17 @@ def _button_failure(
     button: Control, arms: Sequence[ArmModel], platform: Platform, reaches: Reaches
 ) -> LocationUnresolvable:
     """Build the failure for a button that none of ``arms`` can push, with a change of the map that would help."""
-    figures = "; ".join(filter(None, (_too_far(button, arms, platform), _otherwise(button, platform.scene, reaches))))
-    return LocationUnresolvable(designator=f"the base with a hand at {button.body}", figures=figures)
-
-
-def _too_far(button: Control, arms: Sequence[ArmModel], platform: Platform) -> str:
-    """Describe how near a shoulder gets to a button, if that is beyond every arm's reach; otherwise ""."""
-    pose = platform.scene.bodies.pose(button.body) @ Pose(button.point)
-    poses, there = platform.standing(), np.array([pose.position[:2]])
-    away = {arm.name: poses.distances([there], [arm])[0] for arm in arms}
-    arm = min(arms, key=lambda one: away[one.name] - one.reach, default=None)
-    return "" if arm is None else too_far(arm, button.body, away[arm.name])
-
-
-def _otherwise(button: Control, scene: PlanningScene, reaches: Reaches) -> str:
-    """Describe a change that would help: the device nearer to the edge that its button faces, or turned; else ""."""
-    bodies, device = scene.bodies, button.device
-    normal = bodies.pose(button.body).rotation @ np.array(button.normal)
-    support = bodies.support(device)
-    if abs(float(normal[2])) > UPRIGHT or support is None or bodies.is_room(support):
-        return ""
-
-    changes = Changes(device, scene, Rejections(), reaches, parts=(button.body,))
-    return changes.nearer(normal[:2] / np.linalg.norm(normal[:2])) or changes.turned()
+    scene, standing = platform.scene, platform.standing()
+    pose = scene.bodies.pose(button.body) @ Pose(button.point)
+    away = {arm.name: standing.distances([np.array([pose.position[:2]])], [arm])[0] for arm in arms}
+    arm = min(arms, key=lambda one: away[one.name] - one.reach)
+    figures = [too_far(arm, button.body, away[arm.name])]
+    normal = pose.rotation @ np.array(button.normal)
+    if abs(float(normal[2])) <= UPRIGHT:
+        changes = Changes(button.device, scene, Rejections(), reaches, parts=(button.body,))
+        figures.append(changes.nearer(normal[:2] / np.linalg.norm(normal[:2])))
+    what = f"the base with a hand at {button.body}"
+    return LocationUnresolvable(designator=what, figures="; ".join(filter(None, figures)))
 
 
 @process_module

@@ -70,12 +70,6 @@ class Grips:
         """Select grips by a mask (g,)."""
         return replace(self, starts=self.starts[which], points=self.points[which], turns=self.turns[which])
 
-    def raised(self, rise: float) -> Grips:
-        """Shift all grips up by ``rise`` [m]."""
-        starts = self.starts.copy()
-        starts[:, 2, 3] += rise
-        return replace(self, starts=starts, points=self.points + np.array([0.0, 0.0, rise]))
-
     @property
     def before(self) -> Array:
         """Pre-grasp poses of the tip, from which the hand moves straight to the handle (g, 4, 4)."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
+from executive.locations.changes import Changes
 from executive.locations.hand_solutions import base_matrices
 from executive.locations.rejections import COLLISION, NO_ROOM, NO_WAY, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.locations.standing import Standing
@@ -54,10 +55,6 @@ SWEPT = Reason("swept over by the leaf")
 NO_GRIP = "no room for the hand at the handle"
 MOST_NAMED = 3
 """Most obstacles to name in a failure."""
-MOST_TRIED = 4
-"""Most obstacles to remove hypothetically."""
-RISES = np.arange(0.05, 1.0, 0.05)
-"""Heights by which to raise or lower a handle hypothetically [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,19 +112,18 @@ class LeafPaths:
         least = max(2, math.ceil(ENOUGH * count))
         yield from sorted((one for one in partial if len(one.values) > least), key=lambda one: -len(one.values))
 
-    def reach(self, rise: float = 0.0, scene: PlanningScene | None = None) -> bool:
-        """Check whether an arm would reach the handle, raised by ``rise`` [m], from a base pose that is free.
+    def _reach(self, scene: PlanningScene) -> bool:
+        """Check whether an arm would reach the handle from a free base pose in a scene that is supposed.
 
-        Ignores collisions of the arm. ``scene``: another scene, which is supposed.
+        Ignores collisions of the arm.
         """
-        scene, joint = scene or self._scene, self._joint
-        hypothetical = LeafPaths(scene, joint)  # its own counts: these candidates were not really tried
+        hypothetical = LeafPaths(scene, self._joint)  # its own counts: these candidates were not really tried
         for arm in self._tried:
-            grips = grips_of(scene, arm, joint).raised(rise)
+            grips = grips_of(scene, arm, self._joint)
             if len(grips):
                 bases, _ = hypothetical._bases(arm, self._values, grips, self._enough)
                 roomy = np.ones(len(self._values), bool)
-                search = _ArmPaths(scene, joint, arm, grips, self._values, roomy, hypothetical.rejected)
+                search = _ArmPaths(scene, self._joint, arm, grips, self._values, roomy, hypothetical.rejected)
                 if len(bases) and search.reach(bases[: BLOCK * MOST_BLOCKS]):
                     return True
         return False
@@ -147,36 +143,11 @@ class LeafPaths:
             bodies = ", ".join(islice(rejected.ordered_blocking(), MOST_NAMED))
             figures = f"{counts[COLLISION]} postures with a hand at it are in collision, mostly with {bodies}"
         elif counts and set(counts) <= {OUT_OF_REACH.text, NO_ROOM, NO_WAY, SWEPT.text, NO_GRIP}:
-            figures = self._without() or self._higher()
+            height = f"{handle} is at {self._scene.bodies.pose(handle).position[2]:.2f} m"
+            figures = Changes(handle, self._scene, rejected, self._reach).helping() or height
         reason = next(iter(counts), "")
         rejected.figures = {reason: figures} if figures else {}
         return rejected.failure(f"the base with a hand at {handle} as {joint.leaf} moves")
-
-    def _higher(self) -> str:
-        """Describe the height at which an arm would reach the handle from free base poses; "" if there is none."""
-        handle = str(self._joint.handle)
-        height = self._scene.bodies.pose(handle).position[2]
-        for rise in RISES.tolist():
-            for word, shift in (("low", rise), ("high", -rise)):
-                if self.reach(shift):
-                    return (
-                        f"{handle} is at {height:.2f} m, too {word} for a hand from where the base can be; "
-                        f"at {height + shift:.2f} m the arm would reach it"
-                    )
-        return ""
-
-    def _without(self) -> str:
-        """Describe the obstacle without which the base would have room to reach the handle; "" if there is none."""
-        scene, bodies = self._scene, self._scene.bodies
-        fixed = {name for one in scene.belief.joints.values() for name in (*one.bodies, one.holder)}
-        fixed.update(name for name in bodies.names() if bodies.is_room(name))
-        fixed.update(scene.belief.state.carried())
-        blocking = (name for name in self.rejected.ordered_blocking() if name not in fixed and name in bodies.names())
-        for name in islice(blocking, MOST_TRIED):
-            if self.reach(scene=scene.supposing(scene.belief.state.placed({name: None}))):
-                where = f"where a hand would reach {self._joint.handle}"
-                return f"{name} leaves the base no room {where}; without it one would"
-        return ""
 
     # One arm
 

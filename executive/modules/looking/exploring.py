@@ -1,17 +1,20 @@
-"""Process module that explores: it looks around from the current base pose and chooses the next best view."""
+"""Process modules that explore: they look around and choose the next best view, and write what is known to a map."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
+from executive.belief.map_writing import map_text
 from executive.belief.memory import EXPLORATION
 from executive.modules.platform import Platform, PlatformModule
 from planlang.designators import Action, Location, Object, a_posture
 from planlang.failures import DesignatorFailure, LookingFailure, LookingGoalUnreachable, PerceptionFailure
 from planlang.kernel import checkpoint, sleep
 from planlang.language.process_module import process_module
+from planlang.outputs import write_text
 
 EXPOSURE = 0.1
 """Time for which the head stays still for an image [s]."""
@@ -59,3 +62,21 @@ async def look_around(platform: Platform, names: Sequence[str] = ()) -> None:
         platform.sensing.see()
         platform.sensing.scan()
     exploration.plan()
+
+
+@process_module
+class Mapping(PlatformModule):
+    """Uploads maps by writing them to the file that the user named."""
+
+    name = "mapping"
+    actions = ("UploadMapToRoboEarth",)
+    failures = ()
+
+    async def execute(self, action: Action) -> str | None:
+        """Write the map; return the file's name, None if the user named none."""
+        await checkpoint()
+        path: Path | None = self.platform.upload
+        if path is None:
+            return None
+        write_text(path, map_text(self.platform.belief))
+        return path.name

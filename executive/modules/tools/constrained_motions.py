@@ -17,9 +17,11 @@ import numpy as np
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
+from executive.locations import Rejections
+from executive.locations.changes import Changes
 from executive.modules.arm.hand_work import HandWork
+from executive.modules.platform import Platform
 from executive.modules.runner import Skill, nothing
-from executive.modules.tools.motion_failures import out_of_reach
 from executive.modules.tools.motion_grounding import UP, GroundedMotion, Grounding
 from executive.modules.tools.pouring import Pouring
 from executive.modules.tools.turning_over import check_flip
@@ -28,7 +30,7 @@ from executive.motion.constrained_ends import Ends
 from executive.motion.constrained_motion import PhaseMotion, solve_motion
 from executive.motion.constraint_functions import Bound, ConstraintFunctions
 from executive.motion.errors import ConstraintsContradict, NoConstrainedPath
-from executive.robots.arms import ArmModel
+from executive.robots.arms import ArmModel, too_far
 from planlang.designators import Action, Location, Object, action, snake_case
 from planlang.failures import (
     ActionUnresolvable,
@@ -115,7 +117,7 @@ class ConstrainedWork(HandWork):
             if not moves or grounding.phase.pours or failure.blocked_by is not None or len(failure.constraints) != 1:
                 raise
             possible = partial(self._ends_somewhere, grounding)
-            reason = await compute_in_thread(partial(out_of_reach, self.platform, motion, possible))
+            reason = await compute_in_thread(partial(_out_of_reach, self.platform, motion, possible))
             message, names = "; ".join(filter(None, (failure.message, reason))), failure.constraints
             raise ConstraintsUnsatisfied(message, arm=failure.arm, constraints=names) from failure.__cause__
 
@@ -465,3 +467,21 @@ def _narrowed(constraint: MotionConstraint) -> MotionConstraint:
         lower=constraint.lower if np.isinf(lower) else lower + margin,
         upper=constraint.upper if np.isinf(upper) else upper - margin,
     )
+
+
+def _out_of_reach(platform: Platform, motion: GroundedMotion, does: Callable[[PlanningScene], bool]) -> str:
+    """Describe how near a shoulder gets to the first movable object of a motion, and where that would have to stand.
+
+    ``does``: predicate whether the motion is possible from some base pose in a scene that is supposed. Returns "" for a
+    motion without a movable object.
+    """
+    bodies, arm = platform.scene.bodies, motion.arms[0]
+    objects = ((bodies.bind(one), pose[:2, 3]) for one, pose in motion.things.items())
+    first = next((one for one in objects if bodies.is_movable(one[0]) and bodies.support(one[0]) is not None), None)
+    if first is None:
+        return ""
+    name, position = first
+    distance = platform.standing().distances([position[None]], motion.arms)[0]
+    reason = too_far(arm, name, distance)
+    nearer = Changes(name, platform.scene, Rejections(), does).nearer()
+    return "; ".join(filter(None, (reason, nearer)))

@@ -10,10 +10,9 @@ import numpy as np
 
 from executive.locations.standing import BEST
 from executive.modules.tools.lanes import HAND, Room, Surface, lifted
-from executive.modules.tools.motion_failures import too_far
 from executive.modules.tools.motion_grounding import GroundedMotion, Grounding
 from executive.modules.tools.strokes import Plane, StrokeWork
-from executive.robots.arms import called
+from executive.robots.arms import called, too_far
 from planlang.designators import Action
 from planlang.failures import (
     ManipulationGoalInCollision,

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from difflib import get_close_matches
 from functools import cached_property
 
 from planlang.closure import grouped
@@ -19,9 +20,11 @@ from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warn
 from planlang.ontology import Ontology, shorten
 from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, VOCABULARIES, XSD, is_vocabulary
 from planlang.recipe.checks import check
-from planlang.recipe.guesses import digits_of
+from planlang.recipe.fillers import action_properties
+from planlang.recipe.guesses import SURE, digits_of
 from planlang.recipe.readers import OUTPUTS
-from planlang.recipe.readers.workflow import is_interval_relation, names_of_relations
+from planlang.recipe.readers.workflow import RELATIONS as INTERVALS
+from planlang.recipe.readers.workflow import is_interval_relation
 from planlang.recipe.statements import (
     CONSTRAINT_CLASSES,
     MEANINGS,
@@ -43,6 +46,8 @@ _NAMING = (
 _OUTCOMES = {word: ending for ending, words in MEANINGS.items() for word in words}
 _WORDS_OF_THEIR_OWN = frozenset({"falling"})
 """Words of outcomes that mean something else than the ending word that is one typo away."""
+_SURE_OUTCOME = 0.9
+"""Minimum similarity for outcomes, higher than ``SURE`` because they are inflected (``obtained``)."""
 
 
 @check("R058")
@@ -187,12 +192,19 @@ def _properties(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
     if not unknown:
         return
     listed = {local_name(name): name for name in _vocabulary(ontology)}
-    neighbours = Neighbours((*listed, *WORDS, *REGISTERED_WORDS, *owl_properties(), *names_of_relations()))
+    neighbours = Neighbours((*listed, *WORDS, *REGISTERED_WORDS, *owl_properties()))
+    recipe_words = (*WORDS, *REGISTERED_WORDS, *owl_properties(), *map(local_name, action_properties(ontology)))
     for number, row in unknown.items():
         written = ontology.store.name(number) or ""
         space, short = _space(written), local_name(written)
-        near = [short] if short in listed else neighbours.of(short)
-        if near and space in names.spaces_of_words:
+        if space not in names.spaces_of_words:
+            continue
+        near = neighbours.of(short) or get_close_matches(short, recipe_words, n=2, cutoff=SURE)
+        if not near and _relates_tasks(ontology, written):
+            plain = short.lower().removeprefix("interval").removeprefix("temporally")
+            before = short[: len(short) - len(plain)]
+            near = [before + (word.capitalize() if before else word) for word in Neighbours(INTERVALS).of(plain)]
+        if near:
             candidates = [_in_namespace(ontology, written, word, listed) for word in near]
             if space not in VOCABULARIES.values() and _is_declared(ontology, written):
                 yield _unusual(written, candidates, names.span(row))
@@ -216,6 +228,16 @@ def _in_namespace(ontology: Ontology, written: str, word: str, listed: dict[str,
     if space + word != written and space + word in ontology.properties_named(word):
         return space + word
     return listed.get(word) or (space if space in VOCABULARIES.values() else KNOWROB) + word
+
+
+def _relates_tasks(ontology: Ontology, name: str) -> bool:
+    """True for a property that links steps of workflows to each other."""
+    steps = {
+        term for triple in ontology.using("hasStep", "isStepOf", "stepOf") for term in (triple.subject, triple.object)
+    }
+    return bool(steps) and any(
+        triple.subject in steps and triple.object in steps for triple in ontology.triples(p=name)
+    )
 
 
 def _is_read(name: str) -> bool:
@@ -256,22 +278,37 @@ def _unusual(written: str, candidates: list[str], span: Span) -> Diagnostic:
 
 def _outcomes(ontology: Ontology) -> Iterator[Diagnostic]:
     """Report outcomes with a word that is one typo from a word for how a state ends."""
-    stated = [triple for triple in ontology.using("causedBy") if triple.span.file == str(ontology.documents[0].path)]
-    neighbours = Neighbours(_OUTCOMES)
-    for outcome, span in {triple.object: triple.span for triple in reversed(stated)}.items():
-        short = right = local_name(outcome) if isinstance(outcome, str) else ""
-        for word in words_of(right):
-            near = () if word.lower() in (*_OUTCOMES, *_WORDS_OF_THEIR_OWN) else neighbours.of(word.lower())
-            if near:
-                right = right.replace(word, _cased(min(near, key=list(_OUTCOMES).index), word), 1)
-        if not isinstance(outcome, str) or right == short:
+    seen: set[object] = set()
+    for triple in ontology.using("causedBy"):
+        outcome = triple.object
+        if triple.span.file != str(ontology.documents[0].path) or outcome in seen:
             continue
-        candidates = [_space(outcome) + right]
-        if not _is_declared(ontology, outcome):
-            message = f"unknown outcome `{short}`: it would be read as {ending_of(outcome).value}"
-            yield _misspelt(outcome, candidates, span, message)
-        elif all(triple.predicate == RDF.type for triple in ontology.triples(s=outcome)):
-            yield _unusual(outcome, candidates, span)
+        seen.add(outcome)
+        if isinstance(outcome, str):
+            yield from _outcome(ontology, outcome, triple.span)
+
+
+def _outcome(ontology: Ontology, outcome: str, span: Span) -> Iterator[Diagnostic]:
+    short = local_name(outcome)
+    readings = [short]
+    for word in words_of(outcome):
+        if word.lower() not in (*_OUTCOMES, *_WORDS_OF_THEIR_OWN):
+            near = Neighbours(_OUTCOMES).of(word.lower())
+            near = near or get_close_matches(word.lower(), _OUTCOMES, n=len(_OUTCOMES), cutoff=_SURE_OUTCOME)
+            meanings = {_OUTCOMES[one]: one for one in sorted(near, key=list(_OUTCOMES).index, reverse=True)}
+            readings = [
+                reading.replace(word, _cased(one, word), 1)
+                for reading in readings
+                for one in reversed(meanings.values())
+            ] or readings
+    if readings == [short]:
+        return
+    candidates = [_space(outcome) + reading for reading in readings]
+    if not _is_declared(ontology, outcome):
+        message = f"unknown outcome `{short}`: it would be read as {ending_of(outcome).value}"
+        yield _misspelt(outcome, candidates, span, message)
+    elif all(triple.predicate == RDF.type for triple in ontology.triples(s=outcome)):
+        yield _unusual(outcome, candidates, span)
 
 
 def _cased(word: str, like: str) -> str:

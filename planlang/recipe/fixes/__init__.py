@@ -8,12 +8,9 @@ written in this one.
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
-from typing import NamedTuple
 
 from planlang.diagnostics import Span
 from planlang.recipe.fixes.manchester_text import CannotEdit, Edit, ManchesterText
-from planlang.recipe.preconditions import Unmet
 from planlang.records import dataclass
 from planlang.words import Option, Text
 
@@ -71,20 +68,6 @@ class Worse(CannotEdit):
     def __init__(self, why: str, advice: str) -> None:
         super().__init__(why)
         self.advice = advice
-
-
-class Rehearsal(NamedTuple):
-    """Problems when a scripted robot runs the plan of a recipe.
-
-    ``unmet`` are actions that came before their preconditions held, ``failure`` is the failure that ended the run.
-    """
-
-    unmet: tuple[Unmet, ...]
-    failure: str = ""
-
-
-Rehearse = Callable[[Path], Rehearsal | None]
-"""Function that compiles the recipe in a file and runs its plan; None if the recipe does not compile."""
 
 
 @dataclass(frozen=True, slots=True)

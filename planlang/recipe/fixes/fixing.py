@@ -1,7 +1,7 @@
 """Fixing the text of a recipe: each fix is kept only if its problem disappears and nothing else gets worse.
 
-A fix that the user accepted is evaluated by the checks and by a rehearsal of the plan, before and after it. A file of
-another syntax is written in Manchester syntax first, and in its own again after all fixes.
+A fix that the user accepted is evaluated by the checks and by the order of the plan's steps, before and after it. A
+file of another syntax is written in Manchester syntax first, and in its own again after all fixes.
 """
 
 from __future__ import annotations
@@ -12,16 +12,17 @@ from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
-from planlang.diagnostics import BadInput, Diagnostic, Severity, Span
+from planlang.diagnostics import BadInput, Diagnostic, Severity, Span, has_errors
 from planlang.files import decode
 from planlang.ontology import load
 from planlang.ontology.canonical import Sorting
 from planlang.ontology.convert import Converted, Target, convert_content
 from planlang.ontology.documents import Syntax, read_bytes, syntax_of
 from planlang.recipe.actions import Actions
-from planlang.recipe.fixes import Fix, Rehearsal, Rehearse, Worse
+from planlang.recipe.fixes import Fix, Worse
 from planlang.recipe.fixes.manchester_text import CannotEdit, Edit, ManchesterText, line_end
 from planlang.recipe.fixes.proposals import declarations, propose_fixes, renames
+from planlang.recipe.preconditions import Unmet, too_early
 from planlang.recipe.reading import read_recipe, read_recipes
 from planlang.records import dataclass
 from planlang.temporary import temporary_folder
@@ -58,6 +59,8 @@ class _State:
     file: str
     diagnostics: tuple[Diagnostic, ...]
     fixes: tuple[Fix, ...]
+    unmet: tuple[Unmet, ...]
+    """Actions that the plan performs too early; none without a plan."""
 
     def errors(self) -> Counter[tuple[str, str]]:
         return Counter((one.code, one.message) for one in self.diagnostics if one.severity is Severity.ERROR)
@@ -72,16 +75,15 @@ def fix_recipe(
     task: str | None = None,
     folders: Sequence[Path] = (),
     accepted: frozenset[str] = frozenset(),
-    rehearse: Rehearse | None = None,
     content: bytes | None = None,
 ) -> Fixed:
     """Fix the recipe in a file without changing the file.
 
-    Uncertain fixes are made only if their code is ``accepted``, and if neither the checks nor a rehearsal of the plan
-    find that they make the recipe worse. ``content`` is a recipe in memory, which ``path`` only names. All others are
-    those of :func:`planlang.recipe.read_recipe`. Raises BadInput if the file cannot be read at all.
+    Uncertain fixes are made only if their code is ``accepted``, and if neither the checks nor the order of the plan's
+    steps show that they make the recipe worse. ``content`` is a recipe in memory, which ``path`` only names. All others
+    are those of :func:`planlang.recipe.read_recipe`. Raises BadInput if the file cannot be read at all.
     """
-    fixing = _Fixing(path, task, folders, rehearse, read_bytes(path) if content is None else content)
+    fixing = _Fixing(path, task, folders, read_bytes(path) if content is None else content)
     given = fixing.first()
 
     def is_wanted(fix: Fix) -> bool:
@@ -137,11 +139,8 @@ def fix_recipe(
 class _Fixing:
     """Reads variants of a recipe's text as if they were in its file."""
 
-    def __init__(
-        self, path: Path, task: str | None, folders: Sequence[Path], rehearse: Rehearse | None, content: bytes
-    ) -> None:
-        self._path, self._task, self._folders, self._rehearse = path, task, folders, rehearse
-        self._rehearsals: dict[str, Rehearsal | None] = {}
+    def __init__(self, path: Path, task: str | None, folders: Sequence[Path], content: bytes) -> None:
+        self._path, self._task, self._folders = path, task, folders
         self.before = decode(content, str(path))
         self._content = content
         self.encoding = next((one for one in ("utf-8-sig", "utf-16") if self.before.encode(one) == content), "utf-8")
@@ -195,7 +194,9 @@ class _Fixing:
             else:  # correct the names first: spans of other fixes may refer to names that are not in the text yet
                 fixes = [*declarations(reading.diagnostics), *renames(actions.ontology, reading.misspelt)]
         here = tuple(fix for fix in fixes if fix.span is not None and fix.span.file == str(copy))
-        return _State(text, str(copy), reading.diagnostics, here)
+        recipes = None if has_errors(reading.diagnostics) else reading.recipes
+        unmet = () if recipes is None else too_early(reading.actions, recipes)
+        return _State(text, str(copy), reading.diagnostics, here, unmet)
 
     def tried(self, state: _State, fixes: Sequence[Fix]) -> _State:
         """Apply fixes. Raises CannotEdit if that is impossible, or does not help."""
@@ -217,7 +218,7 @@ class _Fixing:
         return new
 
     def _refuse_if_worse(self, before: _State, after: _State, fix: Fix) -> None:
-        """Raise Worse if checks or rehearsal find more problems after a fix than before it."""
+        """Raise Worse if the checks, or the order of the plan, have more problems after a fix than before it."""
         fixed = next((one.severity for one in before.diagnostics if one.code == fix.code), Severity.NOTE)
         new = [
             one
@@ -231,29 +232,9 @@ class _Fixing:
             old = {(one.code, one.message) for one in before.diagnostics}
             more = next(one for one in after.diagnostics if (one.code, one.message) not in old)
             raise Worse(f"it would cause the {more.severity.value} {more.code}: {more.message}", more.help or "")
-        self._compare_rehearsals(self._rehearsed(before), self._rehearsed(after))
-
-    @staticmethod
-    def _compare_rehearsals(before: Rehearsal | None, after: Rehearsal | None) -> None:
-        if after is None:
-            return
-        unmet_before = before.unmet if before is not None else ()
         for unmet in after.unmet:
-            if unmet not in unmet_before:
+            if unmet not in before.unmet:
                 raise Worse(f"in the plan, {unmet}", unmet.advice)
-        if before is not None and after.failure and not before.failure:
-            raise Worse(f"the plan would fail: {after.failure}", "change it by hand")
-
-    def _rehearsed(self, state: _State) -> Rehearsal | None:
-        """Rehearse the plan of a text; None if it does not compile, or if there is no rehearsal."""
-        if self._rehearse is None:
-            return None
-        if state.text not in self._rehearsals:
-            with temporary_folder() as folder:
-                copy = folder / self._path.name
-                copy.write_bytes(state.text.encode(self.encoding))
-                self._rehearsals[state.text] = self._rehearse(copy)
-        return self._rehearsals[state.text]
 
     def in_file(self, span: Span | None) -> Span | None:
         """Position in the file itself instead of its temporary copy."""

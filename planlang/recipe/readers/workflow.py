@@ -127,12 +127,6 @@ def is_interval_relation(property_name: str) -> bool:
     return _relation(property_name) is not None
 
 
-def names_of_relations() -> Iterator[str]:
-    """Yield the names of the properties that relate two intervals, as ontologies write them."""
-    for name in RELATIONS:
-        yield from (name, f"interval{name.capitalize()}", f"temporally{name.capitalize()}")
-
-
 def workflows_of(ontology: Ontology, iri: str) -> list[str]:
     """Workflows that perform a task, sorted; a workflow performs itself."""
     if _linked(ontology, iri, _STEPS, _STEP_OF):

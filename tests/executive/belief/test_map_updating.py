@@ -22,6 +22,7 @@ from sim import PlanningWorld
 Write = Callable[..., str]
 Read = Callable[..., SemanticMap]
 BOX = (0.4, 0.8, 0.8)
+INSIDE = {"water1": "bottle1", "water2": "cup1"}
 LOCKER = """
 Class: Locker
     SubClassOf: knowrob:Cabinet-PieceOfFurniture, knowrob:properPhysicalParts some LockerDoor
@@ -88,6 +89,25 @@ def test_what_is_no_more_has_no_pose_and_what_was_never_seen_keeps_its_own(
 
     updated = left(semantic_map, destroy_the_cup)
     assert [thing.name for thing in updated.objects if thing.pose] == ["cup2"]
+
+
+def test_what_was_poured_out_is_no_longer_in_its_vessel_and_what_stays_there_is(
+    left: Left, map_of: Read, thing: Write, seen: Write
+) -> None:
+    semantic_map = map_of(
+        thing("bottle1", "Bottle", (0.08, 0.08, 0.2)),
+        thing("cup1", "Cup", (0.08, 0.08, 0.1)),
+        *(thing(name, "Water", (None, None, None), f"in-ContGeneric {vessel}") for name, vessel in INSIDE.items()),
+        *(seen(name, (x, 0, 0.05)) for x, name in enumerate(("bottle1", "cup1"))),
+    )
+
+    def pour_out(belief: Belief) -> None:
+        matter, portions = belief.state.matter.take("bottle1", 1000.0)
+        assert portions
+        belief.happened(replace(belief.state, matter=matter))
+
+    assert {one.name for one in left(semantic_map, pour_out).objects} == {"bottle1", "cup1", "water2"}
+    assert len(left(semantic_map, lambda belief: None).objects) == 4
 
 
 def test_a_door_is_written_closed_with_the_radius_and_the_axis_by_which_it_was_opened(left: Left) -> None:

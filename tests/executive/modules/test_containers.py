@@ -184,10 +184,7 @@ def test_a_handle_that_no_arm_reaches_is_named(stack: ExitStack) -> None:
     with pytest.raises(HandleNotReachable, match="the handle of leaf is out of reach: no way was found") as caught:
         stage.do(OPEN, "leaf")
     assert stage.truth.joint("leaf") == 0.0
-    figures = (
-        r"; grip is at 2\.\d\d m, too high for a hand from where the base can be; at 1\.\d\d m the arm would reach it$"
-    )
-    assert re.search(figures, explain(caught.value).splitlines()[0])
+    assert re.search(r"out of reach.*; grip is at 2\.\d\d m$", explain(caught.value).splitlines()[0])
 
 
 @pytest.mark.long
@@ -196,8 +193,7 @@ def test_a_body_without_which_the_base_would_have_room_before_a_handle_is_named(
     stage = room(stack, (*drawn(DRAWER), bed))
     with pytest.raises(HandleNotReachable) as caught:
         stage.do(OPEN, "leaf")
-    figures = "; bed leaves the base no room where a hand would reach grip; without it one would"
-    assert explain(caught.value).splitlines()[0].endswith(figures)
+    assert explain(caught.value).splitlines()[0].endswith("; without bed this would work")
 
 
 def test_a_handle_at_which_the_hand_has_no_room_is_reported_with_what_is_there(stack: ExitStack) -> None:

@@ -18,7 +18,7 @@ from loaded_plans import read
 
 from planlang import Action, Condition, Location, PlanFailure, VirtualHost, run, sleep
 from planlang.compiler import compile_recipe
-from planlang.compiler.compile import canonical, emit
+from planlang.compiler.compile import emit
 from planlang.compiler.expressions import snake_case
 from planlang.compiler.lowering import Lowering
 from planlang.designators import local_name
@@ -28,6 +28,7 @@ from planlang.outputs import DIGITS
 from planlang.protocols import Solution
 from planlang.recipe import Actions, Ordering, Parameter, Place, Recipe, RecipeSet, Source, Step, Thing
 from planlang.recipe.actions import Movers
+from planlang.recipe.canonical import canonical
 from planlang.recipe.model import Kind
 from planlang.recipe.order import Precedence, order_graph, scoping
 from planlang.testing import all_linear_extensions

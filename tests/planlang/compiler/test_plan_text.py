@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planlang.compiler import CompiledPlan, compile_recipe
-from planlang.compiler.compile import canonical, emit
+from planlang.compiler.compile import emit
 from planlang.compiler.expressions import Names, snake_case, without_digits
 from planlang.compiler.layout import WIDTH, Call, Display, Expression, Remark, Text, signature, statement
 from planlang.compiler.lowering import Lowering
@@ -39,6 +39,7 @@ from planlang.recipe import (
     Thing,
     Transition,
 )
+from planlang.recipe.canonical import canonical
 from tests.support.examples import examples
 
 

@@ -10,7 +10,7 @@ from loaded_plans import read
 from plan_text import unbroken
 
 from planlang import given
-from planlang.compiler.compile import canonical, emit, without_data_flow
+from planlang.compiler.compile import emit, without_data_flow
 from planlang.compiler.lowering import Lowering
 from planlang.designators import a_location, a_posture, an_object
 from planlang.failures import GraspMissed, ObjectNotFound, PlanFailure, TransitionMissing
@@ -35,6 +35,7 @@ from planlang.recipe import (
     Thing,
     Transition,
 )
+from planlang.recipe.canonical import canonical
 from planlang.testing import Script, explore, run_plan
 
 BASE = "http://planlang.org/test#"

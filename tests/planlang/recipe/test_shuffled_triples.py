@@ -11,11 +11,11 @@ from xml.sax.saxutils import escape, quoteattr
 import pytest
 
 from planlang.compiler import compile_recipe
-from planlang.compiler.compile import canonical as in_one_order
 from planlang.designators import local_name
 from planlang.diagnostics import Span
 from planlang.ontology import BNode, Literal, Term, Triple, load
 from planlang.recipe import Actions, read_recipe, stated_tasks
+from planlang.recipe.canonical import canonical as in_one_order
 from planlang.recipe.order import recipe_order
 from planlang.recipe.reading import read_recipe_of
 from tests.support.corpus_recipes import RECIPES

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from inspect import Parameter, signature
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from planlang.action_conditions import Condition, Named
 from planlang.compiler import CompiledPlan, compile_ontology
@@ -34,12 +34,22 @@ from planlang.language.loading import load_plan
 from planlang.language.plans import Plan
 from planlang.language.source import PlanSource
 from planlang.ontology import expand, load
-from planlang.recipe.fixes import Rehearsal
 from planlang.recipe.preconditions import Unmet
 from planlang.testing.running import attempt
 from planlang.testing.script import Base, Script
 from planlang.testing.scripted import ScriptedExecutive
 from planlang.testing.vocabulary import ActionVocabulary
+
+
+class Rehearsal(NamedTuple):
+    """Problems when a scripted robot runs the plan of a recipe.
+
+    ``unmet`` are actions that came before their preconditions held, ``failure`` is the failure that ended the run.
+    """
+
+    unmet: tuple[Unmet, ...]
+    failure: str = ""
+
 
 LONGEST = 3600.0
 """Plan time after which a rehearsed plan counts as endless [s]."""
@@ -115,7 +125,7 @@ class _Robot(ScriptedExecutive):
         name = action.name or local_name(action.type)
         self._missing += [(name, need) for need in missing]
         over = ((need, by) for need in missing for by, ended in reversed(self._ended) if need.matches(ended))
-        self._unmet += [Unmet(name, need, by, is_over=True) for need, by in dict(over).items()]
+        self._unmet += [Unmet(name, need, by) for need, by in dict(over).items()]
 
     def done(self, action: Action) -> None:
         """Apply the effects of an action to the conditions that hold."""
