@@ -136,7 +136,7 @@ class Relation:
 
 @dataclass(frozen=True, slots=True)
 class Location:
-    """A set of poses: the conjunction of its relations.
+    """A set of poses: the conjunction of its relations, compared without their order.
 
     ``device`` and ``grasp`` (one of ``GRASPS``) restrict how the robot reaches: "in reach of the bottle with the right
     gripper, by a side grasp".
@@ -156,6 +156,15 @@ class Location:
             _LOCATION.instance("using", self.device, Device, "a device")
         if self.grasp is not None and self.grasp not in GRASPS:
             raise _LOCATION.wrong("grasp", self.grasp, f"one of {', '.join(GRASPS)}", WrongValue)
+
+    def __eq__(self, other: object) -> bool:
+        return self._compared() == other._compared() if type(other) is type(self) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._compared())
+
+    def _compared(self) -> tuple[object, ...]:
+        return frozenset(self.relations), self.device, self.grasp
 
     def __and__(self, other: Location) -> Location:
         """Intersect two locations; raises ValueError for two arms, two grasps, and for postures."""

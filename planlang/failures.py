@@ -388,8 +388,14 @@ class HandsFull(LocationUnresolvable):
 
     def because(self) -> str:
         """``no hand is free for glass1: arm holds bottle1; put it down first``."""
-        full = ", ".join(f"{hand} holds {thing}" for hand, thing in self.held.items())
-        return f"no hand is free for {self.what}: {full}; put {'it' if len(self.held) == 1 else 'one'} down first"
+        hands: dict[Object, list[str]] = {}
+        for hand, thing in self.held.items():
+            hands.setdefault(thing, []).append(hand)
+        full = ", ".join(
+            f"{' and '.join(holding)} {'holds' if len(holding) == 1 else 'hold'} {thing}"
+            for thing, holding in hands.items()
+        )
+        return f"no hand is free for {self.what}: {full}; put {'it' if len(hands) == 1 else 'one'} down first"
 
 
 class ObjectUnresolvable(DesignatorFailure):

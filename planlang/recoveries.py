@@ -298,7 +298,7 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
 
     Without ``again`` the body itself grasps. If the object cannot be put down, or not grasped differently, the failure
     propagates; in the latter case the object stays where it was put. If the failure is that no hand is free, the robot
-    puts down what one hand holds; the step that needs that object next grasps it again.
+    puts down what a hand holds; the step that needs that object next grasps it again.
     """
 
     regrasping = Usage("put_down_and_regrasp", {"what": "bottle"}, {"again": "fetch_bottle"})
@@ -312,7 +312,7 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
         if is_held == (full is not None):  # the failure is about something else
             return PROPAGATE
         if full is not None:
-            return await _one_put_down(full.held.values())
+            return await _one_put_down(dict.fromkeys(full.held.values()))
         try:
             await perform(action("SettingAsideAnObject", object_acted_on=what, by_another_grip=True))
             if again is not None:

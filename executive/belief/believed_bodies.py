@@ -120,7 +120,7 @@ class BelievedBodies(ScenePart):
         if body.shape not in (BodyShape.BOX, BodyShape.CYLINDER):
             return "is not an object that a hand can grasp"
         if not body.movable and (min(body.size[:2]) <= GRASPABLE_WIDTH or max(body.size) > LONGEST):
-            return "does not move"
+            return f"is a {body.type}: things of this class are not taken"
         widths = f"is {min(body.size[:2]):g} m wide, and things up to {GRASPABLE_WIDTH:g} m can be taken"
         return f"{widths}, wider ones by a handle for one hand"
 

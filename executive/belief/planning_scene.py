@@ -315,6 +315,10 @@ class PlanningScene:
         robot = state.robots, state.touched
         return robot, self.surroundings(), matter.contents, matter.types, self.belief.memory.evidence()
 
+    def movers(self) -> list[str]:
+        """List the bodies that drive by themselves and whose place is known, such as other robots."""
+        return [one.body for one in self.world.scene.movers if one.body in self.belief.names()]
+
     def supposing(self, state: WorldState) -> PlanningScene:
         """Make the scene of another state, such as one with a thing elsewhere; this one stays as it is."""
         other = copy(self)

@@ -176,7 +176,8 @@ class SceneCollisions(ScenePart):
     def closes_way(self, place: Array, within: float, fixed: Collection[str] = ()) -> str | None:
         """Find the body without which the base could reach most additional floor ``within`` [m] of a position (2,).
 
-        None if no body makes a difference. Only the bodies nearest to the straight line are tried, none of ``fixed``.
+        What drives by itself comes first, as it may leave. None if no body makes a difference. Only the bodies nearest
+        to the straight line are tried, none of ``fixed``.
         """
         reachable = self.drivable()
         if reachable.beyond:
@@ -192,7 +193,8 @@ class SceneCollisions(ScenePart):
             name: _flood(base, self.floor_without(name)).near(place, within) - cells
             for name in list(nearest)[:MOST_REMOVED]
         }
-        best = max(gains, key=lambda name: gains[name], default=None)
+        movers = {one.body for one in self._world.scene.movers}
+        best = max(gains, key=lambda name: (gains[name] > 0 and name in movers, gains[name]), default=None)
         return best if best is not None and gains[best] > 0 else None
 
     def obstacles(self) -> Boxes:

@@ -18,7 +18,7 @@ from executive.options.running import SituationSettings
 from executive.runs.files import RecipeFile, read, refuse
 from executive.runs.options import RunOptions
 from executive.runs.reporting import context_of
-from executive.runs.traces import TraceHeader, recorded_run
+from executive.runs.traces import TraceHeader, bundled_recipe, recorded_run
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.outputs import check_outputs, write_text
 from planlang.report import Context, Told, model_of, page
@@ -106,9 +106,8 @@ def _repeated(arguments: ReportArguments, recorded: RecordedRun, output: Path) -
 
 def _context(arguments: ReportArguments, header: Mapping[str, Any]) -> Context:
     """Plan and recipe of a run that is not repeated, if they are found and match the trace."""
-    named = arguments.file or header.get("plan")
     with suppress(BadInput):
-        source = read(arguments.file or TraceHeader(recipe=str(named)).plan(str(arguments.trace)))
+        source = read(arguments.file or TraceHeader(recipe=bundled_recipe(header)).plan(str(arguments.trace)))
         plan, recipe = (None, source) if isinstance(source, RecipeFile) else (source, None)
         return context_of(plan, None, recipe, frozenset(), arguments.folders, of=header)
     return Context()

@@ -70,8 +70,15 @@ class Changes:
         self._left = MOST_SEARCHES
 
     def helping(self) -> str:
-        """Describe a change that helps: the thing nearer to an edge, without a body, or down on its support."""
-        return self.nearer() or self._without() or self._let_down()
+        """Describe a change that helps: another robot away, the thing at an edge, without a body, or let down."""
+        return self._once_left() or self.nearer() or self._without() or self._let_down()
+
+    def _once_left(self) -> str:
+        """Name what drives by itself, if that is in the way where it is now."""
+        for name in self.scene.movers():
+            if name not in self._needed and self._helps({name: None}):
+                return f"{name}, which drives by itself, is in the way where it is now"
+        return ""
 
     def nearer(self, towards: Array | None = None) -> str:
         """Describe how far, and where to, the thing has to be moved on its support; "" if that does not help.

@@ -162,7 +162,8 @@ def _without_place(location: Location, terms: Sequence[Conjunct], scene: Plannin
             why = scene.bodies.ungraspable(term.body)
             failure = meaningless(relation, relation, f" is the pre-grasp pose of {term.body}, which {why}")
             widest = max((arm.max_opening for arm in scene.arms.all), default=0.0)
-            failure.figures = f"{term.body} {why} (the hands of {scene.robot.name} open to {widest:g} m)"
+            hands = f" (the hands of {scene.robot.name} open to {widest:g} m)" if "m wide" in why else ""
+            failure.figures = f"{term.body} {why}{hands}"
             return failure
     needed = tuple(name for name, one in RELATIONS.items() if one.leads_hand)
     return meaningless(location, location, " does not state what the hand is at: it needs one of ", needed)

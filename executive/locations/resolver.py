@@ -177,6 +177,23 @@ class Resolver:
         demand = base_demand(location, scene, self._viewer(location))
         return _has_base(self.supposing(scene)._validator, demand, common)
 
+    def waits_for(self, location: Location) -> tuple[str, ...]:
+        """Name what drives by itself and keeps the base from a location where it stands now; empty for other reasons.
+
+        More than one if all of them have to leave.
+        """
+        movers = tuple(self.scene.movers())
+        for gone in (*((name,) for name in movers), *([movers] if len(movers) > 1 else [])):
+            scene = self.scene.supposing(self.scene.belief.state.placed(dict.fromkeys(gone)))
+            if self.is_possible(location, scene):
+                return gone
+        return ()
+
+    def is_possible(self, location: Location, scene: PlanningScene | None = None) -> bool:
+        """Check quickly whether a location has a base pose, by default in the scene as it is believed."""
+        findings = Findings(Allowance(EASY_CHECKS, EASY_SOLVED), walled=True)
+        return self._is_feasible(location, findings, scene or self.scene)
+
     def _excluding(self, demand: BaseDemand, common: Findings, log: Rejections) -> Region | Facing | Clear | None:
         """Find the conjunct about the floor without which there would be a base pose; None if there is none."""
         areas = [area for area in demand.areas if log.counts[unmet(area)]]
@@ -224,7 +241,9 @@ class Resolver:
         elif (wanted or demand.unreached) and not scene.arms.all:
             problem = "the robot has no arm that could reach there"
         elif any(reach.arms == () for reach in wanted):
-            problem = "the robot has no such arm"
+            named = [one for one in (location, *location.references()) if isinstance(one, Location)]
+            lacking = (scene.robot.without(one.device) for one in named if one.device is not None)
+            problem = next(filter(None, lacking), f"{scene.robot.name} has no such arm")
         if problem:
             raise MissingCapability(problem, designator=str(location), missing=(part,))
 

@@ -19,9 +19,9 @@ from executive.locations.later_uses import LaterUses
 from executive.locations.questions import Question
 from executive.locations.rejections import COLLISION, NO_HOLD, NOT_VISIBLE, OUT_OF_REACH, Reason, Rejections, unmet
 from executive.motion import QuickCheck
-from executive.robots.arms import ArmModel
+from executive.robots.arms import ArmModel, called
 from planlang.designators import Location
-from planlang.failures import BehindClosedDoor, HandsFull, HandsLacking, TooHeavy
+from planlang.failures import BehindClosedDoor, HandsFull, HandsLacking, LocationUnresolvable, TooHeavy
 from planlang.geometry import Array
 from planlang.protocols import Solution
 from planlang.relations.demands import Reach, ReachKind
@@ -124,7 +124,10 @@ class BaseValidator:
             raise HandsLacking(
                 designator=str(location), what=reach.body, needed=needed, hands=hands, alone=hands >= needed
             )
-        if self.arms_for(reach, self.scene.arms.all):
+        able = self.arms_for(reach, self.scene.arms.all)
+        if reach.kind is ReachKind.PLACE and not any(self.scene.arms.held(arm.name) for arm in able):
+            raise LocationUnresolvable(figures=self._not_in_hand(reach), designator=str(location))
+        if able:
             return
         arms = [arm.name for arm in self.scene.arms.all if reach.arms is None or arm.name in reach.arms]
         free = [arm.payload for arm in self.scene.arms.all if arm.name in arms and not self.scene.arms.held(arm.name)]
@@ -134,6 +137,14 @@ class BaseValidator:
         holding = {arm: held.name for arm in arms if (held := self.scene.arms.held(arm)) is not None}
         full = {arm: self.scene.bodies.designator(name) for arm, name in holding.items()}
         raise HandsFull(designator=str(location), what=reach.body, held=full)
+
+    def _not_in_hand(self, reach: Reach) -> str:
+        """Explain that the hands that are to put something down hold nothing: others do, or none does."""
+        others = {arm.name: held.name for arm in self.scene.arms.all if (held := self.scene.arms.held(arm.name))}
+        if not others or not reach.arms:
+            return f"no hand holds anything to put down at {reach.body}; grasp it first"
+        full = ", ".join(f"{called(arm)} holds {what}" for arm, what in others.items())
+        return f"{full}, and {' and '.join(map(called, reach.arms))}, which is to put it down, holds nothing"
 
     def check_doors(self, reaches: Sequence[Reach], location: Location, log: Rejections) -> None:
         """Raise BehindClosedDoor if nothing inside is reachable because another door of the container is closed."""

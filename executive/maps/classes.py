@@ -116,18 +116,30 @@ nothing.
 """
 
 
+OWN = ("boardHeights", "openSide", "wallThickness", "routePoints", "drivingSpeed")
+"""Properties of planlang's own that are read of maps."""
+
+
 def misspellings(ontology: Ontology) -> Iterator[Diagnostic]:
-    """Report the properties in use that nothing declares and that are nearly those of maps, each once."""
-    words = Spellings((*KNOWROB, *LINKS, *soma.READ))
+    """Report the properties in use that nothing declares and that are nearly those of maps, each once.
+
+    One of planlang's own is reported in another namespace, too. KnowRob's are not: its maps state some so, which means
+    nothing else there.
+    """
+    words = Spellings((*KNOWROB, *OWN, *LINKS, *soma.READ))
     for number in ontology.store.used:
         iri = ontology.store.name(number) or ""
         name = local_part(iri)
         alike = words.similar(name, least=ALIKE)
-        if not alike or alike[0] == name or ontology.is_property(iri):
+        if not alike or ontology.is_property(iri):
+            continue
+        right = expand(alike[0])
+        if alike[0] == name and (iri == right or name not in OWN):
             continue
         first = next(ontology.triples(None, iri))
         of = f" of {local_name(first.subject)}" if isinstance(first.subject, str) else ""
-        yield unread("M036", f"{name}{of} is no property that maps have", first.span, f"did you mean {alike[0]}?")
+        called, meant = (f"<{iri}>", f"<{right}>") if alike[0] == name else (name, alike[0])
+        yield unread("M036", f"{called}{of} is no property that maps have", first.span, f"did you mean {meant}?")
 
 
 DEEPEST = 5

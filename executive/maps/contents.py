@@ -11,11 +11,14 @@ from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
+import numpy as np
+
 from executive.maps.classes import MapObject, is_kind
 from executive.maps.measures import length, lengths, read_size, stated
 from executive.maps.semantic_map import SemanticMap
 from planlang.diagnostics import BadInput, Diagnostic, Severity, warning
 from planlang.effects import effects_of, heat_effects, number_of_class, number_of_individual
+from planlang.geometry.areas import Block
 from planlang.geometry.shapes import Size
 from planlang.ontology import Ontology, expand, shorten
 from planlang.state.matter import KG_PER_ML, ON, Heating, Portion, Rules
@@ -142,6 +145,8 @@ def _with_content(body: Body, portions: Sequence[Portion], types: tuple[str, ...
 
 SPEED = 0.3
 """Speed of a robot of which the map states none [m/s]."""
+BETWEEN = 0.05
+"""Spacing of places on a route that are compared with the bodies beside it [m]."""
 LONGEST = 1000.0
 """Length of a route beyond which a number in it is surely wrong [m]; places on routes are compared one by one."""
 
@@ -170,4 +175,24 @@ def movers_of(bodies: Sequence[Body], semantic_map: SemanticMap, notes: list[Dia
             message = f"{body.name} does not move: its route is {mover.length:.0f} m long, at most {LONGEST:.0f} m"
             notes.append(warning("M002", message, triple.span))
             continue
+        if names := list(_driven_through(mover, body, bodies)):
+            message = f"{body.name} drives through {', '.join(names)} on its route"
+            radius = min(body.size[:2]) / 2
+            advice = (
+                f"state points with a way of {radius:.2f} m on both sides of each straight line, or move what is there"
+            )
+            notes.append(warning("M037", message, triple.span, advice))
         yield mover
+
+
+def _driven_through(mover: Mover, body: Body, bodies: Iterable[Body]) -> Iterator[str]:
+    """Yield the names of solid bodies that a mover certainly touches somewhere on its route, if nothing moves them."""
+    own = Block.of(body.pose, body.size)
+    places = np.array([mover.pose_at(gone, 0.0).position[:2] for gone in np.arange(0.0, mover.length, BETWEEN)])
+    for other in bodies:
+        if other is body or other.movable or other.shape in (BodyShape.ROOM, BodyShape.PERSON):
+            continue
+        block = Block.of(other.pose, other.size, cylinder=other.shape is BodyShape.CYLINDER)
+        is_beside = block.low < own.high and own.low < block.high
+        if is_beside and float(block.distance(places).min()) < min(own.half_x, own.half_y) - BETWEEN / 2:
+            yield other.name

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 
 import numpy as np
 
 from executive.modules.platform import Platform
 from executive.motion import Boxes, clearance_at
+from planlang.designators import Location
 from planlang.failures import LookingGoalUnreachable
 from planlang.geometry import Array, Pose
-from planlang.kernel import sleep
+from planlang.kernel import now, sleep
 from planlang.language.resources import using
 from planlang.protocols import Trajectory
 
@@ -24,6 +25,8 @@ NEARER = 0.01
 """Change of a distance that counts [m]."""
 PATIENCE = 1.0
 """Time to wait for a robot that closes the way before it is looked at again [s]."""
+LEAST, LONGEST = 10.0, 120.0
+"""Bounds of the time to wait for a robot that is in the way [s]."""
 SOON, EYE_LEVEL = 1.5, 0.6
 """Point of the way to look at: how soon the base is there [s], and height [m]."""
 NEAR_BY = 2.5
@@ -60,10 +63,31 @@ class Lookout:
                         platform.belief.not_there(name)
         self._last = self._poses()
 
+    def patience(self, names: Collection[str]) -> float:
+        """Compute how long to wait for robots [s]: for the longest of their routes there and back, in bounds."""
+        movers = [one for one in self._platform.scene.world.scene.movers if one.body in names]
+        return min(max([LEAST, *(2 * one.length / one.speed for one in movers)]), LONGEST)
+
     async def wait(self) -> None:
         """Give a robot that closes the way the time to leave, and look again."""
         await sleep(PATIENCE)
         await self.look()
+
+    async def wait_for(self, location: Location, seconds: float) -> None:
+        """Wait until a location has a base pose, at most so long [s].
+
+        Another robot that cannot be seen from here may have left: it is believed to be nowhere until it is seen.
+        """
+        platform, end = self._platform, now() + seconds
+        tested: Mapping[str, Pose] | None = None
+        while now() < end:
+            for name in sorted(self._poses()):
+                if platform.scene.visibility.hidden(platform.base(), name) is not None:
+                    platform.belief.not_there(name)
+            if self._poses() != tested and platform.resolver.is_possible(location):
+                return
+            tested = self._poses()
+            await self.wait()
 
     def closes(self, path: Trajectory) -> bool:
         """Take a picture, and check whether a robot has come so near to the rest of a path that the base has to stop.

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import AsyncIterator
 from contextlib import suppress
 from functools import partial
 
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
-from executive.modules.giving_way import Lookout
+from executive.modules.giving_way import PATIENCE, Lookout
 from executive.modules.platform import PlatformModule
 from executive.modules.runner import Skill
 from executive.modules.ways_out import planned, way_out_of_base
@@ -19,6 +19,7 @@ from planlang.designators import Action, FixedPose, Location, Object, Posture, a
 from planlang.failures import (
     ActionUnresolvable,
     DesignatorFailure,
+    LocationUnresolvable,
     NavigationFailure,
     NavigationGoalInCollision,
     NavigationGoalNotReached,
@@ -33,8 +34,6 @@ REPLANS = 3
 """Paths around unexpected obstacles to try before the failure is left to the plan."""
 MOST_PLACES = 100
 """Places of one exploration or search to try."""
-MOST_WAITS = 10
-"""Times that another robot in the way is waited for on one path."""
 FAR, ASKEW = 0.5, 0.5
 """Where other robots drive, the base turns to a goal farther away [m] that is in another direction [rad] first."""
 AT_GOAL = 0.15
@@ -60,11 +59,11 @@ class Navigation(PlatformModule):
         """
         await Skill(partial(self._goals, action), self._drive, failures=(NavigationFailure,), most=MOST_PLACES).run()
 
-    def _goals(self, action: Action) -> Iterator[BasePose]:
+    async def _goals(self, action: Action) -> AsyncIterator[BasePose]:
         """Yield the goal of an action; for a name that stands for several places, one after the other."""
-        yield self._goal(action)
+        yield await self._goal(action)
         while self.platform.goes_elsewhere(action.get("to_location")):
-            yield self._goal(action)
+            yield await self._goal(action)
 
     async def _drive(self, goal: BasePose) -> None:
         """Drive to a pose: after a touch, which changes what is believed, by another path."""
@@ -87,14 +86,22 @@ class Navigation(PlatformModule):
             return await self._once(goal)
         await lookout.look()
         await self._face(goal, lookout)
-        for _ in range(MOST_WAITS):
+        for _ in range(round(lookout.patience(lookout.others) / PATIENCE)):
             try:
                 return await self._once(goal, lookout)
             except NavigationFailure as failure:
-                if failure.blocked_by not in lookout.others:
+                if failure.blocked_by not in lookout.others and not self._is_free_without_others(goal):
                     raise
             await lookout.wait()
         await self._once(goal, lookout)
+
+    def _is_free_without_others(self, goal: BasePose) -> bool:
+        """Check whether a path leads to a pose if other robots are not where they stand now."""
+        scene = self.platform.scene
+        if not (others := scene.movers()):
+            return False
+        without = scene.supposing(scene.belief.state.placed(dict.fromkeys(others)))
+        return self.platform.supposing(without).drive.seconds(goal) is not None
 
     async def _once(self, goal: BasePose, lookout: Lookout | None = None) -> None:
         """Follow a path to a pose, out of a collision first if the robot is in one."""
@@ -120,7 +127,7 @@ class Navigation(PlatformModule):
             await self.platform.sensing.bump(motion)
             raise NavigationGoalNotReached(target=goal, blocked_by=motion.blocked_by)
 
-    def _goal(self, action: Action) -> BasePose:
+    async def _goal(self, action: Action) -> BasePose:
         match action.get("x"), action.get("y"), action.get("yaw"), action.get("to_location"):
             case float(x), float(y), float(yaw), None:
                 return x, y, yaw
@@ -129,9 +136,17 @@ class Navigation(PlatformModule):
             case None, None, None, Posture(name=str(name)) | str(name) if goal := self.platform.made_goal(name):
                 return goal
             case None, None, None, Location() | Object() as where:
-                location = where if isinstance(where, Location) else a_location(in_reach_of=where)
-                return next(self.platform.resolver.bases(location)).base
+                return await self._place(where if isinstance(where, Location) else a_location(in_reach_of=where))
         raise ActionUnresolvable("state a goal of the base: to_location, or x, y and yaw", designator=str(action))
+
+    async def _place(self, location: Location) -> BasePose:
+        """Find the best base pose of a location, if need be after other robots have left."""
+        resolver, lookout = self.platform.resolver, Lookout(self.platform)
+        with suppress(LocationUnresolvable):
+            return next(resolver.bases(location)).base
+        if names := resolver.waits_for(location):
+            await lookout.wait_for(location, lookout.patience(names))
+        return next(resolver.bases(location)).base
 
     async def _path(self, goal: BasePose) -> Trajectory:
         if self.platform.robot.base.fixed:

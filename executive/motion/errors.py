@@ -5,6 +5,7 @@ Budgets are in units that are the same on every machine: results never depend on
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar
 
@@ -80,7 +81,7 @@ class ConstraintsContradict(MotionError):
         self, phase: int, constraints: Sequence[MotionConstraint], pairs: Sequence[tuple[str, str]] = ()
     ) -> None:
         self.phase, self.constraints, self.pairs = phase, tuple(constraints), tuple(pairs)
-        names = "; ".join(map(str, self.constraints))
+        names = _listed(self.constraints)
         if self.pairs:
             problem = f"bodies block these constraints: {names}{_named(self.pairs)}"
         elif len(self.constraints) == 1:
@@ -97,8 +98,14 @@ class NoConstrainedPath(MotionError):
         self, phase: int, constraints: Sequence[MotionConstraint], pairs: Sequence[tuple[str, str]] = ()
     ) -> None:
         self.phase, self.constraints, self.pairs = phase, tuple(constraints), tuple(pairs)
-        kept = f" that keeps {'; '.join(map(str, self.constraints))}" if self.constraints else ""
+        kept = f" that keeps {_listed(self.constraints)}" if self.constraints else ""
         super().__init__(f"phase {phase + 1}: no path to its end was found{kept}{_named(self.pairs)}")
+
+
+def _listed(constraints: Sequence[MotionConstraint]) -> str:
+    """List constraints, equal texts once with their number: a stroke has one for each of its places."""
+    counts = Counter(map(str, constraints))
+    return "; ".join(text if number == 1 else f"{text} ({number} times)" for text, number in counts.items())
 
 
 def _named(pairs: Sequence[tuple[str, str]]) -> str:

@@ -19,7 +19,7 @@ from executive.robots.requirements import (
     together,
 )
 from executive.robots.robot import Part, Robot, SelfModel
-from planlang.designators import local_name
+from planlang.designators import Device, local_name
 from planlang.diagnostics import Span
 from planlang.ontology import Ontology, expand
 from planlang.ontology.expressions import Expression
@@ -48,6 +48,8 @@ class Possessions:
     lacks: Mapping[str, str] = field(default_factory=dict)
     recognises: tuple[str, ...] | None = None
     """Classes (IRIs) that its camera recognises; None if its robot file does not state any."""
+    bound: Robot | None = None
+    """The robot itself; None if it is known by its self-model alone."""
 
 
 def possessions_of(robot: Robot) -> Possessions:
@@ -62,7 +64,7 @@ def possessions_of(robot: Robot) -> Possessions:
         lacks["BaseMotionCapability"] = _fixed(robot)
     classes = robot.camera.recognises if robot.camera is not None else None
     recognises = None if classes is None else tuple(map(expand, classes))
-    return Possessions(robot.name, robot.parts, robot.claims, robot.model, lacks, recognises)
+    return Possessions(robot.name, robot.parts, robot.claims, robot.model, lacks, recognises, robot)
 
 
 def _fixed(robot: Robot) -> str:
@@ -189,6 +191,13 @@ class Matcher:
         return Finding(FindingKind.CAPABILITY, needed.text, None, state, "", None, tuple(below), required=needed.span)
 
     # -- components
+
+    def device(self, named: Device, span: Span | None = None) -> Finding | None:
+        """Check whether the robot has an arm or hand that is named for a step; None if it has, or is not bound."""
+        robot = self.robot.bound
+        if robot is None or (reason := robot.without(named)) is None:
+            return None
+        return Finding(FindingKind.COMPONENT, named.name, named.iri, MISSING, reason, None, (), span)
 
     def component(self, needed: Requirement) -> Finding:
         """Check whether enough parts of the robot fit a requirement."""

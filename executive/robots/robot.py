@@ -344,6 +344,13 @@ class Robot:
         graspers = any(re.search(r"gripper|hand|finger", text, re.IGNORECASE) for text in words if text)
         return tuple(a for a in self.arms if (side is None or a.side == side) and (a.gripper or not graspers))
 
+    def without(self, device: Object) -> str | None:
+        """Say that no arm fits a designator of an arm or hand, and what arms there are; None if one fits."""
+        names = " ".join(filter(None, (device.iri and local_name(device.iri), device.type)))
+        if self.arms_of(device) or not re.search("arm|hand|gripper|finger", names, re.IGNORECASE):
+            return None
+        return f"{self.name} has no {device.name}; its arms: {', '.join(arm.name for arm in self.arms) or 'none'}"
+
     def body(self, posture: str | None = None) -> RobotBody:
         """Describe the robot for the simulator, starting in a posture (by default ``carrying``, if it has one).
 

@@ -8,9 +8,9 @@ from typing import Any
 
 from executive.robots.matching import Matcher, Missing, Possessions, lacking_in, missing_in
 from executive.robots.requirements import NEEDED, Availability, Finding, FindingKind, together
-from planlang.designators import local_name
+from planlang.designators import a_device, local_name
 from planlang.ontology import Ontology, expand, shorten
-from planlang.recipe import Recipe, RecipeSet, Step
+from planlang.recipe import Kind, Recipe, RecipeSet, Step, Thing
 from planlang.recipe.actions import read_primitives
 from planlang.records import dataclass
 
@@ -128,10 +128,18 @@ class _Tree:
         if len(performed) > 1:
             state = together((one.state for one in performed), any_of=True)
             performed = (Finding(FindingKind.ALTERNATIVES, "one of", None, state, "", None, performed),)
-        state = together(one.state for one in (own, *performed))
+        devices = tuple(self._devices(step))
+        state = together(one.state for one in (own, *devices, *performed))
         text = step.name if local_name(step.action) == step.name else f"{step.name} ({local_name(step.action)})"
-        finding = Finding(FindingKind.ACTION, text, step.iri, state, "", step.span, (*own.below, *performed))
+        finding = Finding(FindingKind.ACTION, text, step.iri, state, "", step.span, (*own.below, *devices, *performed))
         return self._or_unknown(finding, step.action_class) if step.is_abstract else finding
+
+    def _devices(self, step: Step) -> Iterator[Finding]:
+        """Yield the arms and hands that a step names and the robot lacks."""
+        for one in step.parameters:
+            if isinstance(one.filler, Thing) and one.filler.kind is Kind.DEVICE:
+                found = self.matcher.device(a_device(one.filler.type, one.filler.iri), one.span)
+                yield from () if found is None else (found,)
 
     def action(self, cls: str) -> Finding:
         """Check a class of actions without a recipe."""

@@ -26,6 +26,7 @@ from executive.locations import Resolver
 from executive.maps import SemanticMap, default_starts
 from executive.modules.around_actions import RobotModule
 from executive.modules.effects import ActionEffects
+from executive.modules.giving_way import Lookout
 from executive.modules.platform import Platform
 from executive.robots import CARRYING, Robot
 from executive.robots.arms import RobotHandle, RobotModel
@@ -213,8 +214,9 @@ class RobotExecutive:
     def solutions(self, location: Location) -> Iterator[Solution]:
         """Yield base poses, best first; the search starts anew if the belief changes in between.
 
-        Before the search fails, hands that were given up are tried again, and a thing that is unreachable by the map
-        alone is looked at. Raises ObjectNotFound for a thing without a known pose.
+        Before the search fails, hands that were given up are tried again, a thing that is unreachable by the map alone
+        is looked at, and other robots that stand in the way get the time to leave. Raises ObjectNotFound for a thing
+        without a known pose.
         """
         if isinstance(location, FixedPose):
             yield Solution(self.platform.base_at(location), self.revision(), {})
@@ -234,11 +236,11 @@ class RobotExecutive:
                     if type(problem) is LocationUnresolvable and self.platform.belief.rely_on_all_hands():
                         continue
                     about_place = type(problem) is LocationUnresolvable and not is_found
-                    look = resolver.look_at_unseen(location) if about_place else None
-                    if look is None:
+                    first = resolver.look_at_unseen(location) or self._waiting(location) if about_place else None
+                    if first is None:
                         raise
                     is_found = True
-                    yield look
+                    yield first
                     if self.revision() == revision:
                         raise
         except ObjectUnresolvable as problem:
@@ -246,6 +248,16 @@ class RobotExecutive:
             if missing is None:
                 raise
             raise ObjectNotFound(f"it is not known where {missing} is", what=str(missing)) from problem
+
+    def _waiting(self, location: Location) -> Solution | None:
+        """Wait for other robots that keep the base from a location where they stand now; None without any."""
+        names = self.platform.resolver.waits_for(location)
+        if not names:
+            return None
+        name = names[0]
+        what, longest = self.platform.scene.bodies.designator(name), Lookout(self.platform).patience(names)
+        wait = action("Waiting", object_acted_on=what, duration=longest, to_location=location)
+        return Solution(self.platform.base(), self.revision(), {}, (wait,), provisional=True)
 
     def move_to(self, solution: Solution) -> Action:
         """Make the base motion to a solution; its arm becomes the plan's choice."""

@@ -105,7 +105,7 @@ def state_lines(truth: Truth, names: Iterable[str]) -> Iterator[str]:
             else:
                 yield f"{name}: at rest on {support}" if support is not None else f"{name}: not at rest"
         for joint in scene.joints:
-            if not joint.is_knob and name in (joint.leaf, joint.holder):
+            if not joint.is_knob and name in (joint.leaf, joint.holder) and joint.leaf not in leaves:
                 leaves.add(joint.leaf)
                 yield f"{joint.leaf}: {_opening(truth.joint(joint.leaf), joint)}"
         if (state := truth.condition(name)) is not None:

@@ -10,6 +10,9 @@ from planlang.diagnostics import BadInput
 from planlang.experience.poses import IDENTITY, MAP, Transform, pose_lines, transform_lines
 from planlang.outputs import beside, is_device, open_output, unwritable, write_all
 
+ROBOT = "robot"
+"""Beginning of the paths of the robot's links."""
+
 
 class PoseLog:
     """Watcher of a :class:`PoseTrack` that writes a log; ``header`` is that of the run's trace.
@@ -19,6 +22,8 @@ class PoseLog:
 
     def __init__(self, rate: int, path: Path, header: Mapping[str, object]) -> None:
         self._rate, self._count = rate, 0
+        self._links: set[str] = set()
+        """Names of the robot's links."""
         known = {key: header.get(key) for key in IDENTITY}
         self._path = path
         self._coming = path if is_device(path) else beside(path, ".new", ".")
@@ -42,8 +47,9 @@ class PoseLog:
 
     def __call__(self, step: int, poses: Sequence[Placed]) -> None:
         """Write the poses of what has moved. Raises BadInput if that fails."""
+        self._links.update(one.path[-1] for one in poses if one.path[0] == ROBOT)
         moved = [
-            Transform(step, _name(one.frame), _name(one.path), one.pose.position, one.pose.orientation, "log")
+            Transform(step, self._name(one.frame), self._name(one.path), one.pose.position, one.pose.orientation, "log")
             for one in poses
             if one.pose is not None
         ]
@@ -62,7 +68,12 @@ class PoseLog:
         if self._coming is not self._path:
             self._coming.unlink()
 
+    def _name(self, path: tuple[str, ...]) -> str:
+        """Frame of a path: limbs of people are named after their bodies, a body named as a link after the map as well.
 
-def _name(path: tuple[str, ...]) -> str:
-    """Frame of a path: limbs of people are named after their bodies."""
-    return "/".join(path[1:]) or MAP
+        So the links of another robot in the map are told from those of the robot that runs the plan.
+        """
+        if not path:
+            return MAP
+        is_link_too = path[0] != ROBOT and path[1] in self._links
+        return "/".join((MAP, *path[1:]) if is_link_too else path[1:])

@@ -83,6 +83,10 @@ AGREE = {
 """Keys that must agree in a trace and the run that resumes it, beside settings -> their names in messages."""
 
 
+KNOWLEDGE = "http://planlang.org/kb"
+"""Where the IRIs of bundled recipes begin."""
+
+
 @dataclass(frozen=True, slots=True)
 class TraceHeader:
     """Header of a trace. Recipe, robot and environment are set only if they are bundled."""
@@ -112,7 +116,7 @@ class TraceHeader:
         iri, robot, environment = (_text(header.get(key)) for key in ("iri", "robot", "map"))
         stem = local_name(environment or "").partition(".")[0]
         return TraceHeader(
-            plan if plan in Bundled.RECIPE.names() else None,
+            bundled_recipe(header),
             plan,
             iri or plan,
             robot if robot in Bundled.ROBOT.names() else None,
@@ -131,6 +135,19 @@ class TraceHeader:
             message = f"the plan {self.name} of the trace is not bundled: name its file"
             raise BadInput([error("X020", message, Span(trace), advice)])
         return self.recipe
+
+
+def bundled_recipe(header: Mapping[str, Any]) -> str | None:
+    """Name of the bundled recipe in whose file the task of a trace is; None if there is none.
+
+    The plan has the name of the task, which may differ from that of the file.
+    """
+    base, _, file = (_text(header.get("iri")) or "").partition("#")[0].rpartition("/")
+    names = Bundled.RECIPE.names()
+    if base == KNOWLEDGE and file.removesuffix(".owl") in names:
+        return file.removesuffix(".owl")
+    plan = _text(header.get("plan"))
+    return plan if plan in names else None
 
 
 def recorded_run(path: Path) -> RecordedRun:

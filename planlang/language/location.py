@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from planlang.designators import Device, Location, Object, a_location
 from planlang.failures import (
     GripperGoalNotReached,
+    HandsFull,
     LocationUnresolvable,
     LookingFailure,
     LookingGoalUnreachable,
@@ -151,7 +152,8 @@ class _Visit:
         self.lease = lease
         self.by = by
         self.pose = HeldPose(self._return)
-        self.moved = self._has_looked = False
+        self.moved = False
+        self._first_done: set[str] = set()
         self._failed: list[Solution] = []
         self._solutions: Iterator[Solution] | None = None
         self._revision: int | None = None
@@ -209,10 +211,12 @@ class _Visit:
                 return solution
 
     async def _look(self, solution: Solution) -> None:
-        """Perform, once, actions that may show whether the base pose exists; ignore it if they fail."""
-        if self._has_looked:
+        """Perform, once of each class, actions that may lead to a base pose; ignore it if they fail."""
+        kind = solution.before[-1].type
+        if kind in self._first_done:
             return
-        self._has_looked = self.moved = True
+        self._first_done.add(kind)
+        self.moved = True
         with suppress(NavigationFailure, LookingFailure):
             for action in solution.before:
                 await perform(action)
@@ -228,9 +232,11 @@ class _Visit:
         raise LocationUnresolvable(designator=str(self.location))
 
     def _escalated(self, cause: PlanFailure) -> PlanFailure:
-        held = tuple(self.executive.held())
+        held = ", ".join(self.executive.held())
+        if held and isinstance(cause, HandsFull):
+            return ObjectUndeliverable(f"{_reference(self.location)} cannot be reached with full hands", what=held)
         if held:
-            return ObjectUndeliverable(what=", ".join(held))
+            return ObjectUndeliverable(what=held)
         return ObjectUnreachable(what=_reference(self.location))
 
     async def _visit(self, solution: Solution, body: Branch) -> Any:

@@ -52,9 +52,9 @@ class WithoutPlaces:
         """Find nothing."""
 
 
-@dataclass(eq=False)
+@dataclass
 class Belief:
-    """Belief state of the scripted robot, which is also the true state of its world.
+    """Belief state of the scripted robot, which is also the true state of its world; compared by value.
 
     Objects are named by the local name of their individual, or of their class. Rules of a script may read and change
     the belief; every change of held objects, places, facts or other effects makes a new revision.

@@ -9,7 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from executive.cli.app import app
 from executive.modules.arm_choices import ArmChoices
 from executive.modules.gripper import Grasping
 from executive.robots import bind_robot
@@ -202,3 +204,36 @@ def test_a_robot_whose_arms_have_room_nowhere_has_no_place_to_start(robot: Path)
     with ExitStack() as stack, pytest.raises(BadInput) as caught:
         world_at_start(Scene((SHELF,), (-0.3, -0.3, 0.3, 0.3)), bind_robot(robot), None, stack)
     assert [diagnostic.code for diagnostic in caught.value.diagnostics] == ["X003"]
+
+
+LEFT = """
+Prefix: : <http://example.org/take.owl#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Prefix: t: <http://planlang.org/kb/tea_room.owl#>
+Ontology: <http://example.org/take.owl>
+    Import: <http://knowrob.org/kb/knowrob.owl>
+Individual: t:cup3
+    Types: knowrob:Cup
+Individual: leftHand
+    Types: knowrob:LeftHand
+Class: TakeTheCup
+    SubClassOf: knowrob:PurposefulAction, knowrob:subAction some Take
+Class: Take
+    SubClassOf: knowrob:PickingUpAnObject, knowrob:objectActedOn value t:cup3, knowrob:deviceUsed value leftHand
+"""
+
+
+def test_an_arm_that_a_recipe_names_and_the_robot_lacks_is_missed_before_anything_moves(tmp_path: Path) -> None:
+    amigo = bundled("ontologies") / "robots" / "amigo.toml"
+    text = re.sub(r"(?m)^\[arms\.left.*\]\n(.+\n)+|^self_model = .*\n", "", amigo.read_text(encoding="utf-8"))
+    (tmp_path / "one_arm.toml").write_text(text.replace('name = "amigo"', 'name = "one_arm"'), encoding="utf-8")
+    (tmp_path / "amigo.urdf").write_bytes((amigo.parent / "amigo.urdf").read_bytes())
+    (tmp_path / "take.omn").write_text(LEFT, encoding="utf-8")
+    said = "one_arm has no leftHand; its arms: right"
+    robot, recipe = str(tmp_path / "one_arm.toml"), str(tmp_path / "take.omn")
+    matched = CliRunner().invoke(app, ["match", recipe, "--robot", robot])
+    assert matched.exit_code == 3
+    assert said in matched.output
+    ran = CliRunner().invoke(app, ["run", recipe, "--robot", robot, "--environment", "tea_room"])
+    assert ran.exit_code == 3
+    assert said in ran.output

@@ -30,6 +30,7 @@ def test_containers_devices_and_vessels_are_told_of_beside_where_things_are() ->
         assert list(state_lines(world, ["oven"])) == ["door: closed"], "as for those who close it"
         world.set_joint("door", DOOR.last_shut + 0.001)
         assert list(state_lines(world, ["oven"])) == ["door: open by 3 degrees"]
+        assert list(state_lines(world, ["oven", "door"])) == ["door: open by 3 degrees"], "it is said once"
         assert list(state_lines(world, ["cup"])) == ["cup: at rest on oven", "door: left open by 3 degrees"]
         world.set_joint("door", 1.0)
         world.bring_about(Switched("oven", ON))

@@ -21,6 +21,7 @@ from executive.modules.bundled import bundled_registry
 from executive.runs.assembly import RobotExecutive
 from planlang import SimulationHost, StepLimit, Trace, at_location, perform, plan, run
 from planlang.designators import a_location, a_person, a_posture, action
+from planlang.files import Bundled
 from planlang.runs import Past, RecordedRun, restore
 from sim.truth import held_by
 from tests.executive.conftest import PLACE, THE_BOTTLE, WARD, MakeStage, Served, Stage
@@ -386,6 +387,19 @@ def test_a_run_is_replayed_without_robot_or_world(whole: Path, monkeypatch: pyte
     monkeypatch.setattr("sim.PyBulletWorld.__init__", refuse)
     told = CliRunner().invoke(app, ["replay", str(whole)])
     assert (told.exit_code, told.output) == (0, f"{whole}: equal to the end: {len(lines(whole))} lines\n")
+
+
+@pytest.mark.parametrize("name", Bundled.RECIPE.names())
+def test_the_bundled_recipe_of_a_trace_is_found_by_the_plan(name: str, whole: Path, tmp_path: Path) -> None:
+    """The plan has the name of its task, whatever that of the file."""
+    compiled = answer("compile", name, "-o", tmp_path / "plan.py")
+    iri = f"http://planlang.org/kb/{name}.owl#{compiled['task']}"
+    header = {**json.loads(lines(whole)[0]), "iri": iri, "plan": compiled["functions"][-1]}
+    (tmp_path / "run.jsonl").write_text(json.dumps(header) + "\n")
+    said = [one["message"] for one in answer("replay", tmp_path / "run.jsonl")["diagnostics"]]
+    assert not any("is not bundled" in one for one in said)
+    resumed = [one["message"] for one in answer("run", "--resume", tmp_path / "run.jsonl")["diagnostics"]]
+    assert not any("is not bundled" in one for one in resumed)
 
 
 ODD: st.SearchStrategy[Any] = st.sampled_from(

@@ -61,6 +61,9 @@ def test_a_person_and_a_device_are_objects_of_their_own_kind() -> None:
 
 def test_designators_of_the_same_thing_are_one_key() -> None:
     assert len({BOTTLE, an_object("DrinkingBottle", BOTTLE.iri), a_location(on=BED), a_location(on=BED)}) == 2
+    assert len({a_location(on=BED, near=BOTTLE), a_location(near=BOTTLE, on=BED)}) == 1, "the order means nothing"
+    assert a_location(on=BED, near=BOTTLE) != a_location(near=BED, on=BOTTLE)
+    assert a_location(on=BED) != a_location(on=BED, grasp="top")
 
 
 def test_a_designator_cannot_be_changed() -> None:

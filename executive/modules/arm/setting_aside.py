@@ -52,8 +52,10 @@ class SettingAside(HandWork):
         what = action.get("object_acted_on")
         name = self.platform.scene.bodies.bind(what) if isinstance(what, Object) else None
         grip = None if name is None else self.platform.belief.held.get(name)
-        if not isinstance(what, Object) or grip is None or len(grip.arms) != 1:
-            raise ActionUnresolvable("name an object held in one hand as object_acted_on", designator=str(action))
+        if not isinstance(what, Object) or name is None or grip is None:
+            raise ActionUnresolvable("name an object that is held as object_acted_on", designator=str(action))
+        if len(grip.arms) > 1:
+            return await self._with_two_hands(name, what)
 
         async def no_place(problem: PlanFailure | None, tried: int) -> PlanFailure:
             return problem or LocationUnresolvable("no furniture nearby has room for it", designator=str(action))
@@ -61,20 +63,37 @@ class SettingAside(HandWork):
         support = await Skill(
             self._places, partial(self._lower, what), lambda place: self.drive(place[1]), most=TRIED, otherwise=no_place
         ).run()
-        grip = self.platform.belief.held[str(name)]
+        grip = self.platform.belief.held[name]
         await self._leave(what)
         if action.get("by_another_grip"):
-            self.platform.belief.refuse(str(name), grip)
+            self.platform.belief.refuse(name, grip)
         return support.name
+
+    async def _with_two_hands(self, name: str, what: Object) -> str:
+        """Let the module for two hands put the object down, which also drives there and leaves it."""
+
+        async def put(support: Object) -> Object:
+            await perform(action("PuttingDownAnObject", object_acted_on=what, to_location=support))
+            return support
+
+        async def no_place(problem: PlanFailure | None, tried: int) -> PlanFailure:
+            found = f"no furniture nearby has room for {name}, which two hands hold"
+            return LocationUnresolvable(f"{found}: put it down at a place that you choose, before they are needed")
+
+        failures = (ManipulationFailure, NavigationFailure, DesignatorFailure)
+        return (await Skill(self._supports, put, failures=failures, most=SUPPORTS, otherwise=no_place).run()).name
+
+    def _supports(self) -> Iterator[Object]:
+        """Yield furniture on which to put things down, nearest first."""
+        bodies, (x, y) = self.platform.scene.bodies, self.platform.base()[:2]
+        things = {thing.name for thing in self.platform.belief.things}  # leaves out obstacles known only by touch
+        names = [name for name in bodies.names() if name in things and self._is_support(name)]
+        nearest = sorted(names, key=lambda one: (bodies.block(one).away(np.array([x, y, 0.0])), one))[:SUPPORTS]
+        yield from map(bodies.designator, nearest)
 
     def _places(self) -> Iterator[tuple[Object, BasePose]]:
         """Yield furniture with base poses from which to reach it, nearest furniture first."""
-        scene = self.platform.scene
-        bodies, x, y = scene.bodies, *self.platform.base()[:2]
-        things = {thing.name for thing in self.platform.belief.things}  # leaves out obstacles known only by touch
-        names = [name for name in bodies.names() if name in things and self._is_support(name)]
-        for name in sorted(names, key=lambda one: (bodies.block(one).away(np.array([x, y, 0.0])), one))[:SUPPORTS]:
-            support = bodies.designator(name)
+        for support in self._supports():
             with suppress(LocationUnresolvable):
                 near = self.platform.resolver.bases(a_location(in_reach_of=resting_on(support)))
                 for solution in islice(near, PLACES):

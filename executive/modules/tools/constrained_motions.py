@@ -412,7 +412,7 @@ def unsatisfied(motion: GroundedMotion, problem: MotionError) -> ConstraintsUnsa
     arm = motion.arms[0].name
     if not isinstance(problem, ConstraintsContradict | NoConstrainedPath):
         return ConstraintsUnsatisfied(str(problem), arm=arm)
-    names = tuple(str(one.name or one) for one in problem.constraints)
+    names = tuple(dict.fromkeys(str(one.name or one) for one in problem.constraints))
     blocking = next((body for _, body in problem.pairs), None)
     return ConstraintsUnsatisfied(str(problem).partition(": ")[2], arm=arm, blocked_by=blocking, constraints=names)
 

@@ -87,7 +87,9 @@ def test_before_a_thing_that_is_too_wide_for_hands_the_width_is_the_reason(refus
     before = a_location(in_reach_of=a_location(in_front_of=an_object("Tray", PLACE + "tray")))
     assert "is 0.3 m wide, and things up to 0.12 m can be taken" in str(refused(before, CABINET, tray))
     before = a_location(in_reach_of=a_location(in_front_of=an_object("Cabinet-PieceOfFurniture", PLACE + "cabinet")))
-    assert "cabinet, which does not move" in str(refused(before, CABINET, tray))
+    assert "cabinet, which is a Cabinet-PieceOfFurniture: things of this class are not taken" in str(
+        refused(before, CABINET, tray)
+    )
 
 
 def test_a_bottle_wider_than_the_open_fingers_is_too_wide_for_the_gripper(refused: Refused) -> None:

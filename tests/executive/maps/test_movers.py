@@ -8,7 +8,7 @@ import pytest
 
 from executive.maps import SemanticMap, scene_of
 from executive.maps.contents import SPEED
-from planlang.diagnostics import Diagnostic
+from planlang.diagnostics import BadInput, Diagnostic
 
 Write = Callable[..., str]
 Read = Callable[..., SemanticMap]
@@ -34,3 +34,26 @@ def test_a_route_that_leads_nowhere_is_reported_and_the_robot_stands(
     frame = thing("porter", "Robot", (0.5, 0.4, 1.0), f'routePoints "{route}"')
     assert not scene_of(map_of(frame, seen("porter", (0.0, 1.0, 0.5))), notes).movers
     assert [one.code for one in notes if "porter" in one.message] == ["M002"]
+
+
+@pytest.mark.parametrize(("route", "through"), [("2 1", ["cupboard"]), ("0.4 1", []), ("0 -1  2 -1", [])])
+def test_furniture_on_a_route_is_warned_of(
+    map_of: Read, thing: Write, seen: Write, route: str, through: list[str]
+) -> None:
+    notes: list[Diagnostic] = []
+    furniture = thing("cupboard", "Cupboard", (0.4, 0.8, 1.8)) + seen("cupboard", (1.0, 1.0, 0.9))
+    robot = thing("porter", "Robot", (0.5, 0.4, 1.0), f'routePoints "{route}"') + seen("porter", (0.0, 1.0, 0.5))
+    assert len(scene_of(map_of(furniture, robot), notes).movers) == 1
+    warned = [one for one in notes if one.code == "M037"]
+    assert [one.message for one in warned] == [f"porter drives through {name} on its route" for name in through]
+    assert all(one.span is not None and "a way of 0.20 m on both sides" in str(one.help) for one in warned)
+
+
+def test_a_route_in_another_namespace_is_reported_with_the_right_one(map_of: Read, thing: Write, seen: Write) -> None:
+    frame = thing("porter", "Robot", (0.5, 0.4, 1.0), 'routePoints "2 1"')
+    frame = frame.replace("knowrob:routePoints", "<http://knowrob.org/kb/moving.owl#routePoints>")
+    with pytest.raises(BadInput) as caught:
+        map_of(frame, seen("porter", (0.0, 1.0, 0.5)))
+    (found,) = caught.value.diagnostics
+    assert found.code == "M036"
+    assert "did you mean <http://knowrob.org/kb/knowrob.owl#routePoints>?" in str(found.help)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,13 +11,18 @@ import pytest
 from executive.modules.giving_way import Lookout
 from executive.runs.options import Outcome
 from executive.runs.plan_run import run_plan_file
-from planlang import perform
-from planlang.designators import action
-from planlang.failures import NavigationGoalInCollision
+from planlang import Trace, at_location, explain, par, perform, sleep
+from planlang.designators import a_location, action, an_object
+from planlang.failures import (
+    LocationUnresolvable,
+    NavigationGoalInCollision,
+    NavigationPoseUnreachable,
+    ObjectUnreachable,
+)
 from planlang.geometry import Pose
 from sim import Body
 from sim.movers import Mover
-from tests.executive.conftest import BUNDLED, MakeStage, Stage
+from tests.executive.conftest import BUNDLED, PLACE, MakeStage, Stage
 from tests.support.shared_rooms import PORTER, ROUTES, Encounters, shared_room
 
 HERE = Pose((2.0, 0.0, 0.55))
@@ -82,6 +88,76 @@ def test_one_that_does_not_leave_the_goal_is_waited_for_and_then_named(shared: S
         shared.run(drive)
     assert caught.value.blocked_by == PORTER
     assert shared.truth.steps > 10 * shared.truth.rate
+
+
+WALLS = tuple(
+    Body(name, Pose((2.0, side * 1.0, 0.9)), (0.4, 1.0, 1.8), type="Cupboard") for name, side in (("a", 1), ("b", -1))
+)
+ROOM = (-1.5, -1.5, 5.0, 1.5)
+TABLE = Body("table", Pose((4.5, 0.9, 0.36)), (0.6, 0.6, 0.72), type="KitchenTable")
+BOTTLE = Body("bottle", Pose((4.4, 0.9, 0.82)), (0.065, 0.065, 0.2), "cylinder", type="DrinkingBottle", movable=True)
+STAYS = Mover(PORTER, ((2.0, 0.0), (3.0, 0.0)), 0.2)
+
+
+@pytest.fixture
+def doorway(make_stage: MakeStage) -> Stage:
+    """Another robot stands in the only doorway of the room, and the bottle is behind."""
+    stage = make_stage(*WALLS, TABLE, BOTTLE, ROBOT, bounds=ROOM)
+    for world in (stage.truth, stage.planning):
+        world.scene = replace(world.scene, movers=(STAYS,))
+    return stage
+
+
+async def reach() -> None:
+    """Go to where the bottle is in reach."""
+
+    async def here() -> None:
+        return None
+
+    await at_location(a_location(in_reach_of=an_object("DrinkingBottle", PLACE + "bottle")), here)
+
+
+async def drive() -> None:
+    await perform(action("Translation-LocationChange", x=4.0, y=0.0, yaw=0.0))
+
+
+@pytest.mark.parametrize("plan", [reach, drive])
+def test_one_that_leaves_the_only_way_is_waited_for(doorway: Stage, plan: Callable[[], Awaitable[None]]) -> None:
+    trace = Trace()
+
+    async def leave() -> None:
+        await sleep(6.0)
+        doorway.truth.set_pose(PORTER, Pose((3.2, -0.9, 0.55)))
+
+    async def both() -> None:
+        await par(plan, leave)
+
+    doorway.run(both, trace=trace)
+    assert doorway.truth.configuration().base[0] > 2.5
+    assert any(one.get("name") == "Waiting" for one in trace.events) == (plan is reach)
+
+
+def test_one_that_stands_in_the_only_place_is_named_rather_than_what_is_around_it(make_stage: MakeStage) -> None:
+    sides = tuple(Body(name, Pose((2.2, side * 0.95, 0.9)), (1.5, 0.8, 1.8)) for name, side in (("a", 1), ("b", -1)))
+    end = replace(TABLE, pose=Pose((2.7, 0.0, 0.36)), size=(0.5, 0.9, 0.72)), replace(BOTTLE, pose=Pose((2.6, 0, 0.82)))
+    taken = replace(ROBOT, pose=Pose((1.95, 0.0, 0.7)), size=(0.7, 0.7, 1.4))
+    stage = make_stage(*sides, *end, taken, bounds=(-1.5, -1.5, 3.0, 1.5))
+    for world in (stage.truth, stage.planning):
+        world.scene = replace(world.scene, movers=(STAYS,))
+    with pytest.raises(LocationUnresolvable, match=f"{PORTER}, which drives by itself, is in the way where it is now"):
+        next(stage.resolver.bases(a_location(in_reach_of=an_object("DrinkingBottle", PLACE + "bottle"))))
+
+
+@pytest.mark.parametrize("plan", [reach, drive])
+def test_one_that_stays_in_the_only_way_is_waited_for_and_then_named(
+    doorway: Stage, plan: Callable[[], Awaitable[None]]
+) -> None:
+    with pytest.raises((ObjectUnreachable, NavigationPoseUnreachable)) as caught:
+        doorway.run(plan)
+    said = f"without {PORTER} it could" if plan is reach else f"blocked by {PORTER}"
+    assert said in explain(caught.value)
+    there_and_back = 2 * STAYS.length / STAYS.speed
+    assert doorway.truth.steps > (there_and_back - 1) * doorway.truth.rate
 
 
 def test_without_another_robot_the_head_is_free_while_the_base_drives(ward: Stage, shared: Stage) -> None:

@@ -11,8 +11,15 @@ import pytest
 from executive.modules.trays.pair_paths import PairPaths
 from executive.robots.arm_pair import ArmPair
 from planlang import SimulationHost, explain, perform, run
-from planlang.designators import Device, action, an_object
-from planlang.failures import ActionUnresolvable, HandleNotReachable, HandsFull, ManipulationGoalNotReached, PlanFailure
+from planlang.designators import Device, a_device, a_location, action, an_object
+from planlang.failures import (
+    ActionUnresolvable,
+    HandleNotReachable,
+    HandsFull,
+    LocationUnresolvable,
+    ManipulationGoalNotReached,
+    PlanFailure,
+)
 from planlang.geometry import Pose
 from planlang.motion_constraints import a_constraint, a_feature
 from sim import Body
@@ -28,7 +35,11 @@ DRAWER = 2
 @pytest.fixture
 def stage(make_stage: MakeStage) -> Stage:
     """Amigo with a tray between its hands, before a table."""
-    stage = make_stage(TABLE, TRAY)
+    return with_tray(make_stage(TABLE, TRAY))
+
+
+def with_tray(stage: Stage) -> Stage:
+    """Put the tray of a stage between the robot's hands."""
     tips = {arm.name: stage.platform.robot.arm(arm.name).tip for arm in stage.platform.scene.arms.all}
     x, y, z = np.mean([stage.truth.link_pose(tip).position for tip in tips.values()], axis=0).tolist()
     stage.truth.set_pose("tray", Pose((x, y, z)))
@@ -117,3 +128,25 @@ def test_what_the_hands_hold_is_named_where_none_is_free_to_push(
         assert {"right holds one", "left holds two"} == set(held.split(", "))
         assert advice == "put one down first"
         assert explain(caught.value).splitlines()[0].count("no hand is free") == 1, "it is said once"
+
+
+def test_a_hand_that_holds_nothing_is_told_so_when_it_is_to_put_something_down(ward: Stage) -> None:
+    left = a_device("LeftHand", PLACE + "leftHand")
+    put = a_location(in_reach_of=a_location(on=an_object("Cabinet-PieceOfFurniture", PLACE + "cabinet")), using=left)
+    with pytest.raises(LocationUnresolvable, match="no hand holds anything to put down at cabinet; grasp it first"):
+        next(ward.resolver.bases(put))
+    hold_bottle(ward, "right")
+    said = "the right arm holds bottle, and the left arm, which is to put it down, holds nothing"
+    with pytest.raises(LocationUnresolvable, match=said):
+        next(ward.resolver.bases(put))
+
+
+def test_what_two_hands_hold_and_no_furniture_is_near_for_is_told_to_be_put_down_before(make_stage: MakeStage) -> None:
+    stage = with_tray(make_stage(TRAY))
+
+    async def aside() -> None:
+        await perform(action("SettingAsideAnObject", object_acted_on=an_object("Tray", PLACE + "tray")))
+
+    with pytest.raises(LocationUnresolvable, match="room for tray, which two hands hold: put it down at a place"):
+        stage.run(aside)
+    assert len(stage.truth.holders("tray")) == 2

@@ -112,6 +112,24 @@ def restored(stage: Stage) -> None:
     assert stage.truth.riders("tray") == stage.planning.riders("tray") == ("cup",)
 
 
+ASIDE = action("SettingAsideAnObject", object_acted_on=THE_TRAY)
+
+
+def set_aside(stage: Stage) -> None:
+    async def aside() -> None:
+        await perform(ASIDE)
+
+    stage.run(aside)
+
+
+def test_what_two_hands_hold_is_set_aside_by_both(stage_of: MakeStage) -> None:
+    stage = stage_of(TABLE, OTHER, TRAYS["wide"], CUP)
+    taken(stage)
+    set_aside(stage)
+    assert (at_rest_on(stage.truth, "tray"), at_rest_on(stage.truth, "cup")) == ("table", "tray")
+    assert not stage.belief.held
+
+
 def test_one_hand_alone_is_not_sent_to_what_takes_two(stage_of: MakeStage) -> None:
     stage = stage_of(TABLE, TRAY)
     with pytest.raises(HandsLacking, match="tray takes 2 hands, and was asked of one alone"):

@@ -65,6 +65,13 @@ def test_a_stroke_beyond_reach_is_refused() -> None:
         solve_stroke(problem, problem, start, [at_place(0.0, 0.0), at_place(3.0, 0.0)], [UPRIGHT], closed=False)
 
 
+def test_the_places_of_a_stroke_are_said_once_with_their_number() -> None:
+    problem = ConstraintsContradict(0, [UPRIGHT, *(at_place(0.01 * k, 0.0)[2] for k in range(40))])
+    assert str(problem).count("0.006 m") == 1
+    assert str(problem).endswith("0.006 m (40 times)")
+    assert len(problem.constraints) == 41
+
+
 def test_a_joint_far_slower_than_others_keeps_still_in_a_stroke_that_goes_round() -> None:
     robot, problem = holding_a_cup("amigo")
     rates = replace(problem.rates, velocity=np.append(0.01, problem.rates.velocity[1:]))

@@ -346,6 +346,15 @@ def test_full_hands_that_can_put_nothing_down_are_the_failure(executive: Any, mo
         regrasping(executive, FULL)
 
 
+def test_what_both_hands_hold_is_put_down_once_and_said_once(executive: Any, module: Any) -> None:
+    setting_aside(executive, module, "bottle1")
+    both = HandsFull(what="cup1", held={"right": BOTTLE, "left": BOTTLE})
+    assert both.because() == "no hand is free for cup1: right and left hold bottle1; put it down first"
+    with pytest.raises(HandsFull):
+        regrasping(executive, both)
+    assert executive.log == ["body", "puts bottle1 down"]
+
+
 def test_ignore_goes_on_with_none() -> None:
     async def misses() -> None:
         raise GraspMissed

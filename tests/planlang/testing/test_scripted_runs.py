@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from functools import partial
 
 import pytest
@@ -159,6 +160,21 @@ def test_hands_hold_what_they_close_around_until_it_is_taken() -> None:
     script = Script().on("HandingOverAnObject", does=lambda b, a: look(b, a)).on("Reaching", does=look)
     run_plan(main, script=script)
     assert seen == [(False, False), (True, False), (False, False)]
+
+
+def test_beliefs_are_compared_by_what_is_believed() -> None:
+    async def grasp() -> None:
+        await perform(action("ClosingAGripper", object_acted_on=BOTTLE))
+
+    async def release() -> None:
+        await grasp()
+        await perform(action("OpeningAGripper", object_acted_on=BOTTLE))
+
+    held, again, released = (run_plan(one).belief for one in (grasp, grasp, release))
+    assert held == again == deepcopy(held)
+    assert held != released == Belief()
+    again.drop()
+    assert held != again
 
 
 def test_belief_at_the_beginning_is_what_the_script_says() -> None:
