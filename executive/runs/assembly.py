@@ -212,7 +212,7 @@ class RobotExecutive:
         return self.platform.belief.revision
 
     def solutions(self, location: Location) -> Iterator[Solution]:
-        """Yield base poses, best first; the search starts anew if the belief changes in between.
+        """Yield base poses for the present belief, best first.
 
         Before the search fails, hands that were given up are tried again, a thing that is unreachable by the map alone
         is looked at, and other robots that stand in the way get the time to leave. Raises ObjectNotFound for a thing
@@ -225,24 +225,18 @@ class RobotExecutive:
         try:
             while True:
                 self.platform.observe()
-                revision = self.revision()
                 try:
                     for solution in resolver.bases(location):
                         is_found = True
                         yield solution
-                        if self.revision() != revision:
-                            break
                 except LocationUnresolvable as problem:
                     if type(problem) is LocationUnresolvable and self.platform.belief.rely_on_all_hands():
                         continue
                     about_place = type(problem) is LocationUnresolvable and not is_found
                     first = resolver.look_at_unseen(location) or self._waiting(location) if about_place else None
-                    if first is None:
-                        raise
-                    is_found = True
-                    yield first
-                    if self.revision() == revision:
-                        raise
+                    if first is not None:
+                        yield first
+                    raise
         except ObjectUnresolvable as problem:
             missing = next(filter(self.platform.scene.bodies.means_unknown, location.things()), None)
             if missing is None:

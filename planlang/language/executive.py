@@ -35,7 +35,10 @@ class Executive(Protocol):
         """Number of changes of the belief state."""
 
     def solutions(self, location: Location) -> Iterator[Solution]:
-        """Yield base poses, best first; raises LocationUnresolvable (with counts) when there are no more."""
+        """Yield base poses for the present belief, best first; raises LocationUnresolvable with counts at the end.
+
+        at_location asks anew when the revision has changed.
+        """
 
     def move_to(self, solution: Solution) -> Action:
         """Action that drives the base to a solution."""

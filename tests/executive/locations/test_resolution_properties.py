@@ -141,17 +141,6 @@ def test_a_moved_and_turned_scene_gives_the_same_places_moved_in_the_same_order(
         assert math.remainder(other[2] - there[2], 2 * math.pi) == pytest.approx(0.0, abs=1e-4)
 
 
-def test_places_are_begun_anew_when_the_belief_changes_in_between(make_stage: MakeStage) -> None:
-    stage = make_stage(*WARD)
-    solutions = stage.executive.solutions(LOCATIONS[0])
-    first = next(solutions)
-    x, y, z = stage.belief.pose("bottle").position
-    stage.belief.see([Detection("bottle", Pose((x, y + 0.25, z)), 1.0)])
-    second = next(solutions)
-    assert second.revision == stage.belief.revision > first.revision
-    assert second == next(stage.executive.solutions(LOCATIONS[0]))
-
-
 TO_REACH, TO_SEE = a_location(in_reach_of=THE_BOTTLE), a_location(visible_from=THE_BOTTLE)
 NOWHERE = a_location(in_reach_of=THE_BOTTLE, near=an_object("Bed-PieceOfFurniture"))
 
