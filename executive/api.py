@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from executive.runs.locating import locate
     from executive.runs.plan_run import run_plan_file as run
 else:  # with a __getattr__ in its sight, mypy would accept any name
-    from importlib import import_module
+    from pkgutil import resolve_name
 
     _FUNCTIONS = {
         "check": "executive.commands.check:check",
@@ -29,8 +29,7 @@ else:  # with a __getattr__ in its sight, mypy would accept any name
     def __getattr__(name: str) -> object:
         if name not in _FUNCTIONS:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        module, _, function = _FUNCTIONS[name].partition(":")
-        return getattr(import_module(module), function)  # late, as said above
+        return resolve_name(_FUNCTIONS[name])  # late, as said above
 
 
 __all__ = ["check", "compile", "locate", "run", "sweep"]

@@ -9,7 +9,6 @@ same class, a user's file outranks an installed package, which outranks planlang
 from __future__ import annotations
 
 import hashlib
-import importlib
 import importlib.util
 import sys
 from collections.abc import Callable, Iterator
@@ -17,6 +16,7 @@ from enum import IntEnum
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from pkgutil import resolve_name
 from types import ModuleType
 from typing import Any
 
@@ -60,9 +60,8 @@ class _Demanded(WrappedModule):
 
     @cached_property
     def wrapped(self) -> ProcessModule:  # type: ignore[override]  # made when it is first asked for
-        module, _, name = self._what.place.partition(":")
-        home = importlib.import_module(module)  # a plan performs few of the actions that there are modules for
-        made: ProcessModule = getattr(home, name)(self._platform)
+        # imported late: a plan performs few of the actions that there are modules for
+        made: ProcessModule = resolve_name(self._what.place)(self._platform)
         return made
 
     def performs(self, action: Action) -> bool:

@@ -14,8 +14,8 @@ from contextlib import suppress
 from dataclasses import replace
 from enum import Enum
 from functools import cache, lru_cache
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 from urllib.parse import quote
 
 from planlang.cache import Cache
@@ -136,8 +136,7 @@ def read_syntax(content: bytes, file: str, *, base: str, label: str) -> Parsed:
     syntax = Syntax.NEEM if is_dump else syntax_of(text, file)
     if syntax is Syntax.GRID:
         return read_map_file(Path(file), base, OCCUPANCY_GRID)
-    module, _, name = _READERS[syntax].partition(":")
-    read = getattr(import_module(module), name)  # each reader has its parser, which no other syntax needs
+    read = resolve_name(_READERS[syntax])  # imported late: each reader has its parser, which no other syntax needs
     parsed: Parsed
     if syntax is Syntax.URDF:
         parsed = read(Path(file))
