@@ -332,14 +332,23 @@ class Sensing:
         path = np.stack([control.joints(gaze.joints), neck])
         await control.follow(Group(GroupKind.HEAD), control.timed(gaze.joints, path))
 
-    async def shows(self, points: Iterable[Array], name: str, is_seen: Callable[[], bool]) -> bool:
-        """Look at points (3,) of the map, one after the other, until an image shows what is looked for."""
+    async def shows(self, points: Iterable[Array], name: str, is_seen: Callable[[tuple[str, ...]], bool]) -> bool:
+        """Look at points (3,) of the map, one after the other, until an image shows what is looked for.
+
+        ``is_seen`` decides by the names of the bodies recognised in an image. If none shows it, raises the first
+        LookingGoalUnreachable; returns False if there is none.
+        """
+        unreachable: LookingGoalUnreachable | None = None
         for point in points:
-            with suppress(LookingGoalUnreachable):
+            try:
                 await self.look_at(point, name)
-                self.see()
-                if is_seen():
-                    return True
+            except LookingGoalUnreachable as failure:
+                unreachable = unreachable or failure
+                continue
+            if is_seen(self.see()):
+                return True
+        if unreachable is not None:
+            raise unreachable
         return False
 
     def turn_towards(self, point: Array) -> None:

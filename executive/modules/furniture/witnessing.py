@@ -6,6 +6,7 @@ All modules that open, close, push or switch furniture call :func:`is_witnessed`
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import partial
 
 import numpy as np
@@ -14,6 +15,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.platform import Platform
 from planlang.designators import a_location
+from planlang.failures import LookingGoalUnreachable
 from planlang.geometry import Array
 
 
@@ -44,7 +46,9 @@ async def is_witnessed(work: HandWork, name: str) -> bool:
 
 async def _looked(platform: Platform, name: str) -> bool:
     """Look at a leaf or device from here, wherever the leaf may be; return whether it was seen."""
-    return await platform.sensing.shows(_gazes(platform, name), name, partial(platform.belief.witnessed, name))
+    with suppress(LookingGoalUnreachable):
+        return await platform.sensing.shows(_gazes(platform, name), name, lambda _: platform.belief.witnessed(name))
+    return False
 
 
 def _gazes(platform: Platform, name: str) -> Iterator[Array]:

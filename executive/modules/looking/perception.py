@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 
@@ -85,16 +86,12 @@ class Perception(PlatformModule):
         if name is None:
             return platform.belief.pose(await self._search(action, what))
         unreachable: LookingGoalUnreachable | None = None
-        for count, point in enumerate(self._gazes(name)):
-            if count == MOST_GAZES:
-                break
-            try:
-                await platform.sensing.look_at(point, name)
-            except LookingGoalUnreachable as failure:
-                unreachable = unreachable or failure
-                continue
-            if name in platform.sensing.see():
+        try:
+            gazes = islice(self._gazes(name), MOST_GAZES)
+            if await platform.sensing.shows(gazes, name, lambda recognised: name in recognised):
                 return platform.belief.pose(name)
+        except LookingGoalUnreachable as failure:
+            unreachable = failure
         if platform.sensing.is_out_of_sight(name):
             return platform.belief.pose(name)
         platform.sensing.not_seen(name)

@@ -278,17 +278,17 @@ async def seen_from_here(platform: Platform, what: Object, shown: Shown | None =
 
     Adds the hidden points of each image to ``shown``.
     """
-    already = _seen_here(platform, what)
-    if already is not None:
-        return already
-    for point in _gazes(platform, what):
+
+    def is_seen(recognised: object) -> bool:
+        if shown is not None:
+            shown.add(*platform.sensing.hidden(shown.points))
+        return _seen_here(platform, what) is not None
+
+    if _seen_here(platform, what) is None:
         with suppress(LookingGoalUnreachable):
-            await platform.sensing.look_at(point, str(what))
-            platform.sensing.see()
-            if shown is not None:
-                shown.add(*platform.sensing.hidden(shown.points))
-        if (name := _seen_here(platform, what)) is not None:
-            return name
+            await platform.sensing.shows(_gazes(platform, what), str(what), is_seen)
+    if (name := _seen_here(platform, what)) is not None:
+        return name
     known = platform.scene.bodies.known(what)
     if known is not None:
         platform.sensing.not_seen(known)
