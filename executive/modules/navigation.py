@@ -27,6 +27,7 @@ from planlang.failures import (
     ObjectLost,
     ObjectNowhereToBeFound,
 )
+from planlang.geometry.matrices import apart
 from planlang.language.process_module import process_module
 from planlang.protocols import MotionState, Trajectory
 
@@ -77,9 +78,7 @@ class Navigation(PlatformModule):
 
     async def _go(self, goal: BasePose) -> None:
         """Drive to a pose; where other robots drive, wait for those that are in the way."""
-        base = self.platform.base()
-        turn = math.remainder(goal[2] - base[2], 2 * math.pi)
-        if math.dist(goal[:2], base[:2]) < 1e-3 and abs(turn) < 1e-3:
+        if max(apart(goal, self.platform.base())) < 1e-3:
             return
         lookout = Lookout(self.platform)
         if not lookout.others:
@@ -112,7 +111,8 @@ class Navigation(PlatformModule):
         """Turn to where the way leads, as far as there is room: the camera sees what comes from there."""
         x, y, yaw = self.platform.base()
         heading = math.atan2(goal[1] - y, goal[0] - x)
-        if math.dist(goal[:2], (x, y)) > FAR and abs(math.remainder(heading - yaw, 2 * math.pi)) > ASKEW:
+        away, askew = apart((x, y, yaw), (*goal[:2], heading))
+        if away > FAR and askew > ASKEW:
             with suppress(MotionError, NavigationGoalNotReached):
                 await self._follow(self.platform.drive.path((x, y, heading)), goal, lookout)
 

@@ -6,7 +6,6 @@ is about 5 kB of JSON: worlds, belief, random numbers, and choices that are kept
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -36,6 +35,7 @@ from planlang.changes import Physics
 from planlang.designators import Action, Condition, Device, FixedPose, Location, Object, a_posture, action
 from planlang.diagnostics import BadInput, Span, error
 from planlang.failures import LocationUnresolvable, ObjectNotFound, ObjectUnresolvable
+from planlang.geometry.matrices import apart
 from planlang.language.process_module import ProcessModule
 from planlang.ontology import expand, shorten
 from planlang.progress import Report, unreported
@@ -262,9 +262,8 @@ class RobotExecutive:
 
     def is_at(self, solution: Solution) -> bool:
         """Check whether the base is at the pose of a solution, within 1 cm and about 1 degree."""
-        x, y, yaw = self.platform.base()
-        turn = math.remainder(yaw - solution.base[2], 2 * math.pi)
-        return math.dist((x, y), solution.base[:2]) < 0.01 and abs(turn) < 0.02
+        away, turn = apart(self.platform.base(), solution.base)
+        return away < 0.01 and turn < 0.02
 
     def holds(self, condition: Condition) -> bool:
         """Decide a condition by the belief. Raises ValueError for an unknown predicate.

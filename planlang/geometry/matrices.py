@@ -225,6 +225,11 @@ class Pose:
         return math.dist(self.position, other.position)
 
 
+def apart(base: Sequence[float], other: Sequence[float]) -> tuple[float, float]:
+    """Compute the distance [m] of two base poses (x, y, yaw) and the angle between their headings [rad]."""
+    return math.dist(base[:2], other[:2]), abs(math.remainder(base[2] - other[2], 2 * math.pi))
+
+
 def facing(origin: Sequence[float], forward: Array, up: Array) -> Pose:
     """Make the pose at ``origin`` with its x axis along ``forward`` and its z axis as close to ``up`` as possible."""
     x = forward / np.linalg.norm(forward)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Awaitable, Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -323,10 +324,7 @@ async def make_room(executive: Executive) -> None:
 
 
 def _near(solution: Solution, failed: Solution) -> bool:
-    if solution.revision != failed.revision:
-        return False
-    dx, dy = solution.base[0] - failed.base[0], solution.base[1] - failed.base[1]
-    return dx * dx + dy * dy <= SAME_POSE * SAME_POSE
+    return solution.revision == failed.revision and math.dist(solution.base[:2], failed.base[:2]) <= SAME_POSE
 
 
 def _reference(location: Location) -> str:

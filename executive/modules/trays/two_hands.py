@@ -39,6 +39,7 @@ from planlang.failures import (
     TooHeavy,
 )
 from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import apart
 from planlang.language.process_module import process_module
 from planlang.protocols import Group, GroupKind
 
@@ -359,4 +360,4 @@ async def _no_path(name: str, problem: PlanFailure | None, tried: int) -> PlanFa
 
 def _is_one_of(base: BasePose, tried: Iterable[BasePose]) -> bool:
     """Check whether a base pose is close to one that was tried."""
-    return any(math.dist(base[:2], one[:2]) < SAME and abs(base[2] - one[2]) < SAME for one in tried)
+    return any(max(apart(base, one)) < SAME for one in tried)
