@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from heapq import heappop, heappush
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations.base_poses import BasePoses
 from executive.locations.likely_places import UsualPlaces, points_of
 from executive.locations.views import Views
+from executive.motion.base_path import cheapest_ways
 from planlang.geometry import Array
 from planlang.records import dataclass
 
@@ -254,7 +254,9 @@ class Exploration:
         """List places (n, 2) of the base connected by seen floor, and the times to drive there (n,) [s]."""
         free, base = self.space.standable(*self.extent), self.scene.base()
         start = self.space.index(np.array([[*base[:2], 0.0]]))[0][0]
-        seconds = _distances(free, (int(start[0]), int(start[1]))) * CELL / self.scene.robot.base.speed
+        costs, first = np.where(free, 1.0, np.inf), (int(start[0]), int(start[1]))
+        costs[first] = 1.0  # the robot may leave where it stands
+        seconds = cheapest_ways(costs, first).field() * CELL / self.scene.robot.base.speed
         every = max(1, round(SPACING / CELL))
         chosen = np.zeros_like(free)
         chosen[::every, ::every] = True
@@ -283,22 +285,3 @@ class Exploration:
         rows, columns = np.nonzero(fits)
         shown[rows, columns] = self.space.clear(eyes[rows], points[columns])
         return shown
-
-
-def _distances(free: NDArray[np.bool_], start: tuple[int, int]) -> Array:
-    """Compute path lengths over free cells (nx, ny) from one of them, in cells; inf if unreachable (Dijkstra)."""
-    lengths = np.full(free.shape, np.inf)
-    lengths[start] = 0.0
-    queue = [(0.0, *start)]
-    while queue:
-        away, i, j = heappop(queue)
-        if away > lengths[i, j]:
-            continue
-        for di, dj in ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)):
-            k, n = i + di, j + dj
-            if 0 <= k < free.shape[0] and 0 <= n < free.shape[1] and free[k, n]:
-                length = away + math.hypot(di, dj)
-                if length < lengths[k, n]:
-                    lengths[k, n] = length
-                    heappush(queue, (length, k, n))
-    return lengths

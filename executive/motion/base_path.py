@@ -23,6 +23,8 @@ from planlang.records import dataclass
 
 Planar = tuple[float, float, float]
 """x, y [m] and yaw [rad] in the map."""
+Square = tuple[int, int]
+"""Row and column of a grid's cell."""
 Touching = Callable[[float, float, float], Sequence[tuple[str, str]]]
 """Exact check: pairs of bodies that collide with the base at x, y, yaw; empty if it is free."""
 TIGHT = 10.0
@@ -127,75 +129,101 @@ def plan_base_path(
     raise NoPath(start, goal, counts)
 
 
-def _astar(search: _Search) -> Array | None:
-    """Find the corners (n, 2) of the cheapest path over the grid, start and goal included."""
-    grid = search.grid
-    width = grid.columns + 2
+@dataclass(slots=True)
+class Ways:
+    """Cheapest ways over a grid from one of its cells to others."""
+
+    shape: tuple[int, int]
+    costs: dict[int, float]
+    """Cost of the way to each cell that was reached. Cells are numbered row by row, with a rim around the grid."""
+    before: dict[int, int]
+    """The cell before each cell but the first."""
+    expanded: int
+    """Number of cells whose neighbours were looked at."""
+
+    def field(self) -> Array:
+        """Return the costs as an array (rows, columns), inf where no way leads."""
+        costs = np.full((self.shape[0] + 2, self.shape[1] + 2), np.inf)
+        costs.flat[list(self.costs)] = list(self.costs.values())
+        return costs[1:-1, 1:-1]
+
+    def to(self, cell: Square) -> list[Square] | None:
+        """List the cells of the way to a cell, both ends included; None if no way leads there."""
+        width = self.shape[1] + 2
+        way = [(cell[0] + 1) * width + cell[1] + 1]
+        if way[0] not in self.costs:
+            return None
+        while way[-1] in self.before:
+            way.append(self.before[way[-1]])
+        return [(one // width - 1, one % width - 1) for one in reversed(way)]
+
+
+def cheapest_ways(costs: Array, first: Square, last: Square | None = None) -> Ways:
+    """Find the cheapest ways from one cell of a grid to all others (Dijkstra), or to the cell ``last`` only (A*).
+
+    A step leads to one of the eight neighbours and costs its length in cells times the mean of the ``costs`` (rows,
+    columns) of both: at least 1, inf where no way may lead.
+    """
+    width: int = costs.shape[1] + 2
     # a rim of forbidden cells makes tests of bounds unnecessary
-    padded = np.full((grid.rows + 2, width), np.inf)
-    padded[1:-1, 1:-1] = search.costs
-    costs: list[float] = padded.ravel().tolist()
-    first, last = (
-        (cell[0] + 1) * width + cell[1] + 1
-        for cell in (grid.cell(place[0], place[1]) for place in (search.start, search.goal))
-        if cell is not None
-    )
-    costs[first], costs[last] = min(costs[first], TIGHT), min(costs[last], TIGHT)
+    entering: list[float] = np.pad(costs, 1, constant_values=np.inf).ravel().tolist()
+    start, goal = ((row + 1) * width + column + 1 for row, column in (first, last or first))
+    goal_row, goal_column = divmod(goal, width)
     root = math.sqrt(2.0)
     moves = [(1, 0.5), (-1, 0.5), (width, 0.5), (-width, 0.5)]
     moves += [(down + side, root / 2) for down in (width, -width) for side in (1, -1)]
-    goal_row, goal_column = divmod(last, width)
 
-    def heuristic(cell: int) -> float:
+    def to_goal(cell: int) -> float:
         row, column = divmod(cell, width)
         down, side = abs(row - goal_row), abs(column - goal_column)
         return max(down, side) + (root - 1) * min(down, side)
 
-    best = {first: 0.0}
-    before: dict[int, int] = {}
-    queue = [(heuristic(first), first)]
+    remaining: Callable[[int], float] = to_goal if last is not None else lambda _: 0.0
+    ways = Ways(costs.shape, {start: 0.0}, {}, 0)
+    best, before = ways.costs, ways.before
+    queue = [(remaining(start), start)]
     done: set[int] = set()
     while queue:
         _, cell = heappop(queue)
-        if cell == last:
-            return _corners(search, cell, before, width)
+        if last is not None and cell == goal:
+            break
         if cell in done:
             continue
         done.add(cell)
-        search.expanded += 1
-        so_far, here = best[cell], costs[cell]
+        so_far, here = best[cell], entering[cell]
         for move, share in moves:
             other = cell + move
-            cost = so_far + share * (here + costs[other])
+            cost = so_far + share * (here + entering[other])
             if cost < best.get(other, math.inf):
                 best[other] = cost
                 before[other] = cell
-                heappush(queue, (cost + heuristic(other), other))
-    return None
+                heappush(queue, (cost + remaining(other), other))
+    ways.expanded = len(done)
+    return ways
 
 
-def _corners(search: _Search, cell: int, before: dict[int, int], width: int) -> Array:
-    """List the start, the points (n, 2) where the grid path begins, turns or ends, or has no room, and the goal."""
-    cells = [cell]
-    while cells[-1] in before:
-        cells.append(before[cells[-1]])
-    cells.reverse()
+def _astar(search: _Search) -> Array | None:
+    """Find the corners (n, 2) of the cheapest path over the grid, start and goal included.
+
+    These are the points where the grid path begins, turns or ends, or has no room.
+    """
+    grid, costs = search.grid, search.costs.copy()
+    first, last = (cell for x, y, _ in (search.start, search.goal) if (cell := grid.cell(x, y)) is not None)
+    for cell in (first, last):
+        costs[cell] = min(costs[cell], TIGHT)
+    ways = cheapest_ways(costs, first, last)
+    search.expanded += ways.expanded
+    cells = ways.to(last)
+    if cells is None:
+        return None
+    steps = [(after[0] - cell[0], after[1] - cell[1]) for cell, after in pairwise(cells)]
     kept = [
         cell
         for i, cell in enumerate(cells)
-        if i in (0, len(cells) - 1)
-        or cells[i + 1] - cell != cell - cells[i - 1]
-        or search.room.flat[_unpadded(cell, width)] <= 0
+        if i in (0, len(cells) - 1) or steps[i] != steps[i - 1] or search.room[cell] <= 0
     ]
-    grid = search.grid
-    middle = [
-        (grid.x + (cell % width - 1) * grid.resolution, grid.y + (cell // width - 1) * grid.resolution) for cell in kept
-    ]
+    middle = [(grid.x + column * grid.resolution, grid.y + row * grid.resolution) for row, column in kept]
     return np.array([search.start[:2], *middle, search.goal[:2]])
-
-
-def _unpadded(cell: int, width: int) -> int:
-    return (cell // width - 1) * (width - 2) + cell % width - 1
 
 
 def _pulled(search: _Search, places: Array) -> Array:
