@@ -7,7 +7,7 @@ button toggles its device, turning a knob far enough switches it on.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 
 import numpy as np
@@ -102,6 +102,15 @@ class Articulation:
         turn = Pose((0.0, 0.0, 0.0), (x, y, z, math.cos(value / 2)))
         x, y, z = (point - rotated(turn.rotation, point)).tolist()
         return Pose((x, y, z), turn.orientation)
+
+    def poses(self, value: float, closed: Mapping[str, Pose], inside: Mapping[str, Pose]) -> dict[str, Pose]:
+        """Compute the poses of the leaf, its parts and the things inside it, with the joint at a value.
+
+        ``closed`` are the poses of the leaf and its parts when it is closed, ``inside`` those of things in its frame.
+        """
+        motion = self.motion(value)
+        poses = {name: motion @ closed[name] if value else closed[name] for name in self.bodies}
+        return poses | {name: poses[self.leaf] @ offset for name, offset in inside.items()}
 
     def value_at(self, closed: Array, now: Array) -> float:
         """Compute the value, within the limits, that brings a point of the leaf nearest to ``now`` (3,) in the map.

@@ -59,13 +59,10 @@ class Leaves:
 
     def put(self, leaf: str, value: float, carried: Mapping[str, Pose]) -> None:
         """Move a leaf, with its parts and contents, to a joint value."""
-        joint, motion = self.joints[leaf], self.joints[leaf].motion(value)
         self.values[leaf] = value
-        for name in joint.bodies:
-            closed = self._bodies.bodies[name].pose
-            self._bodies.place(name, motion @ closed if value else closed)
-        for name, offset in carried.items():
-            self._bodies.place(name, self._bodies.poses[leaf] @ offset)
+        closed = {name: self._bodies.bodies[name].pose for name in self.joints[leaf].bodies}
+        for name, pose in self.joints[leaf].poses(value, closed, carried).items():
+            self._bodies.place(name, pose)
 
     def inside(self, leaf: str, but: Collection[str] = ()) -> dict[str, Pose]:
         """Find the movable bodies inside a leaf, with their poses in its frame."""

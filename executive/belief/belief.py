@@ -334,9 +334,5 @@ class Belief(KnownThings):
         joint, value = self.joints[leaf], self.joints[leaf].within(value)
         elsewhere, boxes = {*self.joints, *self.held, *self.state.away}, self.boxes()
         loose = {name: self._poses[name] for name in boxes if name in self._poses and name not in elsewhere}
-        offsets = contents(self._poses[leaf], boxes[leaf], loose)
-        motion = joint.motion(value)
-        parts = {name: motion @ self.memory.first[name] if value else self.memory.first[name] for name in joint.bodies}
-        within = {name: parts[leaf] @ offset for name, offset in offsets.items()}
-        poses, joints = {**self._poses, **parts, **within}, {**self.state.joints, leaf: value}
-        return replace(self.state, poses=poses, joints=joints)
+        moved = joint.poses(value, self.memory.first, contents(self._poses[leaf], boxes[leaf], loose))
+        return replace(self.state, poses={**self._poses, **moved}, joints={**self.state.joints, leaf: value})

@@ -10,10 +10,7 @@ from executive.maps.classes import MapObject
 from planlang.designators import Condition, Object
 from planlang.failures import ObjectUnresolvable
 from planlang.state import Queries
-from planlang.state.questions import amount_of, came_to_be, is_baked
-
-LEAST = 1e-6
-"""Tolerance of amounts [ml]: less than this counts as nothing."""
+from planlang.state.questions import came_to_be, contains, is_baked
 
 
 def decide(condition: Condition, belief: Belief, queries: Queries) -> bool | None:
@@ -21,9 +18,9 @@ def decide(condition: Condition, belief: Belief, queries: Queries) -> bool | Non
     state = belief.state
     match condition:
         case Condition("contains", (Object() as what, Object() as substance)):
-            return _amount(belief, what, substance, queries) > LEAST
+            return contains(state, belief.bind(what, _here(belief)), substance.type, queries)
         case Condition("contains", (Object() as what, Object() as substance, int() | float() as least)):
-            return _amount(belief, what, substance, queries) >= least - LEAST
+            return contains(state, belief.bind(what, _here(belief)), substance.type, queries, least)
         case Condition("baked", (Object() as what,)):
             return any(is_baked(state, name, queries) for name in _candidates(belief, what))
         case Condition("baked", (Object() as what, int() | float() as seconds)):
@@ -46,10 +43,6 @@ def decide(condition: Condition, belief: Belief, queries: Queries) -> bool | Non
 
 def _here(belief: Belief) -> BasePose:
     return belief.state.robots[belief.robot].base
-
-
-def _amount(belief: Belief, what: Object, substance: Object, queries: Queries) -> float:
-    return amount_of(belief.state, belief.bind(what, _here(belief)), substance.type, queries)
 
 
 def _named(belief: Belief, what: Object) -> Iterator[MapObject]:

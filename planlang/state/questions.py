@@ -14,6 +14,8 @@ from planlang.state.matter import ROUNDING, Rules
 from planlang.state.world import WorldState
 
 Point = tuple[float, float, float]
+LEAST = 1e-6
+"""Tolerance of amounts [ml]: less than this counts as nothing."""
 
 
 class Thing(Protocol):
@@ -99,6 +101,12 @@ def _amount_in(state: WorldState, name: str, type: str, queries: Queries) -> flo
     content, is_a = state.matter.contents.get(name, {}).values(), queries.rules.is_a
     was_of_type = name in state.matter.types and any(is_a(one, type) for one in types_of(state, name, queries))
     return sum(portion.amount for portion in content if was_of_type or is_a(portion.type, type))
+
+
+def contains(state: WorldState, name: str, type: str, queries: Queries, least: float | None = None) -> bool:
+    """Check whether a thing contains a class of substances: at least some volume [ml], or any at all."""
+    amount = amount_of(state, name, type, queries)
+    return amount > LEAST if least is None else amount >= least - LEAST
 
 
 def is_baked(state: WorldState, name: str, queries: Queries, seconds: float | None = None) -> bool:

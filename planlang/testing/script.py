@@ -13,8 +13,8 @@ from planlang.geometry import Pose
 from planlang.misuse import Usage
 from planlang.records import dataclass
 from planlang.state import Made, Matter, Portion, WorldState, apply
-from planlang.state.matter import ON, PUDDLE, Rules
-from planlang.state.questions import Point
+from planlang.state.matter import ON, PUDDLE, ROUNDING, Rules
+from planlang.state.questions import Point, came_to_be, contains, is_baked
 from planlang.testing.faults import Fault, Raises
 
 Base = tuple[float, float, float]
@@ -23,6 +23,8 @@ Base = tuple[float, float, float]
 
 ROOM, NOWHERE = "room", Pose((0.0, 0.0, 0.0))
 """What a scripted world has of geometry: everything is in one room, and in the same place."""
+AT_ALL = 2 * ROUNDING
+"""Time for which a side has been heated at all [s]: no class has a baking time in a scripted world."""
 
 
 class WithoutPlaces:
@@ -122,6 +124,7 @@ class Belief:
             return self.facts[str(condition)]
         arguments: list[Any] = [getattr(what, "name", what) for what in condition.arguments or ("",)]
         first, *others = arguments
+        state, queries = self._world(), WithoutPlaces()
         match condition.predicate:
             case "holding":
                 return first in self.holding and all(what in self.holding for what in others)
@@ -129,19 +132,17 @@ class Belief:
                 place = self.at.get(others[0])
                 return place is not None and place in (first, *names_of(condition.arguments[0]))
             case "contains":
-                amount = self.contents.get(first, {}).get(others[0], 0.0)
-                return amount >= others[1] if len(others) > 1 else amount > 0
+                return contains(state, first, others[0], queries, *others[1:])
             case "baked":
-                least = min(self.heated.get(first, (0.0, 0.0)))
-                return least >= others[0] if others else least > 0
+                return is_baked(state, first, queries, others[0] if others else AT_ALL)
             case "switched_on":
-                return first in self.on
+                return state.matter.is_on(first)
             case "destroyed":
-                return first in self.gone
+                return first in state.matter.gone
             case "created":
-                return first in self.made and first not in self.gone
+                return bool(came_to_be(state, first, queries))
             case "transformed_into":
-                return first in self.matter().went_into(others[0])
+                return first in state.matter.went_into(others[0])
         return False
 
     def destroy(self, *things: str) -> None:
@@ -154,8 +155,7 @@ class Belief:
 
     def happens(self, change: Change, *things: str) -> None:
         """Apply a change as the simulator does, but without poses; ``things`` are those that it needs to be there."""
-        state = WorldState({}, dict.fromkeys((ROOM, *things), NOWHERE), matter=self.matter())
-        after = apply(change, state, WithoutPlaces())[0].matter
+        after = apply(change, self._world(ROOM, *things), WithoutPlaces())[0].matter
         self.contents = {
             name: {one.type: one.amount for one in content.values()} for name, content in after.contents.items()
         }
@@ -164,15 +164,20 @@ class Belief:
         for thing in filter(after.gone.__contains__, things):
             self.drop(thing)
 
-    def matter(self) -> Matter:
-        """What objects contain and were made of, and which devices are on, as the simulator has it."""
+    def _world(self, *things: str) -> WorldState:
+        """What objects contain and were made of, and which devices are on, as the simulator has it.
+
+        Of objects, created ones are there, and ``things``.
+        """
         contents = {
             name: {type: Portion(type, amount) for type, amount in content.items()}
             for name, content in self.contents.items()
         }
         origins = {name: tuple(origins) for name, origins in self.made.items()}
         states, gone = dict.fromkeys(self.on, ON), dict.fromkeys(self.gone)
-        return Matter(contents, self.heated, states, origins=origins, gone=gone)
+        matter = Matter(contents, self.heated, states, origins=origins, gone=gone)
+        there = (*things, *(name for name in self.made if name not in gone))
+        return WorldState({}, dict.fromkeys(there, NOWHERE), matter=matter)
 
     def hold(self, what: str | None) -> None:
         """Hold an object, which then has no place."""
