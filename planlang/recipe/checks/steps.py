@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from planlang.closure import reached
+from planlang.closure import grouped, reached
 from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Span, error, note, warning
 from planlang.kept import kept
@@ -394,9 +394,8 @@ def unreachable_states(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     machine, recipe = checked.recipe.machine, checked.recipe
     if machine is None:
         return
-    graph = nx.DiGraph((one.source, one.target) for one in machine.transitions)
-    graph.add_node(machine.start)
-    entered = {machine.start, *nx.descendants(graph, machine.start)}
+    follows = grouped((one.source, one.target) for one in machine.transitions)
+    entered = set(reached((machine.start,), lambda state: follows.get(state, ())))
     lost = [step for step in recipe.steps if step.iri not in entered]
     for step in lost:
         if step.iri in machine.ends and not entered & set(machine.ends):
