@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from executive.cli.arguments import Arguments, Detail, OntologyArguments, TaskArguments
-from executive.options.declaring import argument, option, output
+from executive.options.declaring import argument, option, output, view
 from executive.options.recipes import CheckOptions, CompileOptions
 from executive.options.running import Force, IgnoreUnread, Modules, Recipe, Robot, Trust, Units, Urdf
 from planlang.files import Target
@@ -104,7 +104,11 @@ class ShowArguments(TaskArguments):
     output: Annotated[Path | None, output("Draw to this file; the suffix selects the format.")] = None
     view: Annotated[
         str | None,
-        option(metavar="VIEW", help="Viewpoint for a map or robot [m]: X,Y,Z or X,Y,Z:X,Y,Z, overview, or top."),
+        option(
+            metavar="VIEW",
+            help="Viewpoint for a map or robot [m]: X,Y,Z or X,Y,Z:X,Y,Z, overview, or top.",
+            parse=view,
+        ),
     ] = None
     ignore_unread: IgnoreUnread = False
     force: Force = False

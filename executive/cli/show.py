@@ -20,7 +20,6 @@ from executive.cli.console import Answer
 from executive.commands.check import check
 from executive.live.terminal import TerminalTree
 from executive.maps import read_map, scene_of
-from executive.options.declaring import is_view
 from executive.options.recipes import CheckOptions
 from executive.pictures.scene_picture import save_picture
 from executive.robots import bind_robot
@@ -84,8 +83,6 @@ def _check_drawn(shown: Shown, arguments: ShowArguments) -> None:
         raise BadInput([error("C014", message)])
     if view is not None and not (shown.has_view and output is not None):
         raise click.BadParameter("--view needs --output, and a map or a robot")
-    if view is not None and not is_view(view):
-        raise click.BadParameter(f"--view {view!r}: write X,Y,Z or X,Y,Z:X,Y,Z in metres, overview, or top")
 
 
 def _kind(name: str) -> tuple[Path, Callable[[Path, ShowArguments], Shown]]:

@@ -244,9 +244,11 @@ def planar(given: Any) -> BasePose:
     return x, y, yaw
 
 
-def is_view(text: str) -> bool:
-    """Check the syntax of a view: overview, top, an eye, or an eye and a target."""
-    return text in ("overview", "top") or points_of_view(text) is not None
+def view(given: Any) -> str:
+    """Check a view: overview, top, an eye, or an eye and a target. Raises WrongOption."""
+    if isinstance(given, str) and (given in ("overview", "top") or points_of_view(given) is not None):
+        return given
+    raise WrongOption(Option("view", given), ": write X,Y,Z or X,Y,Z:X,Y,Z in metres, overview, or top")
 
 
 def points_of_view(text: str) -> list[tuple[float, float, float]] | None:

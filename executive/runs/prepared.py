@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
-from executive.options.declaring import bindings, is_view, names, outputs_of, planar
+from executive.options.declaring import bindings, names, outputs_of, planar
 from executive.options.running import RunSettings
 from executive.runs.files import (
     RecipeFile,
@@ -46,9 +46,6 @@ def _check_together(options: RunOptions) -> None:
         raise WrongOption(LEFT, " needs ", Option("resume"))
     if options.view is not None and not (options.picture or options.video):
         raise WrongOption(Option("view"), " needs ", Option("picture"), " or ", Option("video"))
-    if options.view is not None and not is_view(options.view):
-        given = Option("view", options.view)
-        raise WrongOption(given, ": write X,Y,Z or X,Y,Z:X,Y,Z in metres of the map, overview, or top")
     if options.world_as_left and options.poses is not None:
         raise WrongOption(Option("poses"), " logs whole runs: leave out ", LEFT)
     if options.world_as_left and options.report is not None:
