@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
-from executive.options.declaring import bindings, names, outputs_of, planar
+from executive.options.declaring import bindings, check_written, names, planar
 from executive.options.running import RunSettings
 from executive.runs.files import (
     RecipeFile,
@@ -30,7 +30,7 @@ from planlang.diagnostics import Diagnostic, WrongOption, error
 from planlang.extras import no_recorder
 from planlang.files import Bundled
 from planlang.language.source import PlanSource
-from planlang.outputs import Named, check_outputs
+from planlang.outputs import Named
 from planlang.records import dataclass
 from planlang.runs import RecordedRun
 from planlang.words import Blank, Option, Text
@@ -154,11 +154,9 @@ def _trace_of(options: RunOptions) -> str:
 
 def _check_outputs(options: RunOptions, inputs: Mapping[Named, Path | None]) -> Iterator[Diagnostic]:
     """Yield an error for each output file that cannot be written or is an input, and for a missing display."""
-    outputs, formats = outputs_of(options, RunSettings)
-    if options.resume is not None:
-        outputs[Option("trace")] = options.trace or options.resume
+    options = replace(options, trace=options.trace or options.resume)
     files = dict(inputs) | {Option("modules", file): file for file in options.modules or ()}
-    yield from check_outputs(outputs, files, formats=formats, force=options.force)
+    yield from check_written(options, RunSettings, files)
     yield from no_recorder() if options.record is not None else ()
     yield from no_display() if options.gui else ()
 
