@@ -14,7 +14,7 @@ from executive.locations import Rejections
 from executive.locations.demands import LocationMeaningless, base_demand, sides, thing_demand, viewpoint, without_unused
 from executive.maps import read_map, scene_of
 from executive.modules.platform import Platform
-from executive.options.declaring import check_written, names, planar
+from executive.options.declaring import check_written, names
 from executive.options.running import LocateOptions
 from executive.pictures.scenery import Resolution, scenery_of
 from executive.robots import bind_robot
@@ -79,7 +79,7 @@ def locate(options: LocateOptions, *, long_work: Report = unreported, waiting: W
 
 
 def _located(options: LocateOptions, long_work: Report, waiting: Waiting) -> Located:
-    files, start = _found(options), None if options.start is None else planar(options.start)
+    files = _found(options)
     Shown(options.units or ())  # refuses invalid units before the search
     with ExitStack() as stack:
         diagnostics: list[Diagnostic] = []
@@ -94,7 +94,7 @@ def _located(options: LocateOptions, long_work: Report, waiting: Waiting) -> Loc
             arms = ", ".join(arm.name for arm in robot.arms) or "none"
             device = write_thing(location.device).removeprefix("the ")
             return _missing(MissingCapability(f"{robot.name} has no {device}; its arms: {arms}"), options, diagnostics)
-        world = world_at_start(scene_of(semantic_map, diagnostics), robot, start, stack)
+        world = world_at_start(scene_of(semantic_map, diagnostics), robot, options.start, stack)
         truth = PyBulletWorld(world.scene, robot.body())  # equals the belief: nothing moves
         stack.callback(truth.close)
         platform = platform_of(robot, semantic_map, truth, world, 0, long_work)

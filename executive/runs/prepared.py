@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
-from executive.options.declaring import bindings, check_written, names, planar
+from executive.options.declaring import check_written, names
 from executive.options.running import RunSettings
 from executive.runs.files import (
     RecipeFile,
@@ -81,7 +81,6 @@ class RunFiles:
 def prepared(options: RunOptions) -> RunFiles:
     """Find the files of a run; options of a resumed run default to the header of its trace. Raises BadInput."""
     _check_together(options)
-    given, start = bindings(options.set or {}), None if options.start is None else planar(options.start)
     recorded, header = options.repeated, TraceHeader()
     if recorded is not None:
         header = header_to_repeat(recorded)
@@ -98,7 +97,7 @@ def prepared(options: RunOptions) -> RunFiles:
     notes: list[Diagnostic] = []
     environment, *further = (*names(options.environment or ()),) or (header.environment,)
     if environment is None and is_bundled:
-        environment = default_environment(file.path, given.values(), notes)
+        environment = default_environment(file.path, (options.set or {}).values(), notes)
     semantic_map = chosen(
         Bundled.ENVIRONMENT, environment, DEFAULT_ENVIRONMENT if is_bundled else None, problems, needs=_NEEDS
     )
@@ -119,8 +118,7 @@ def prepared(options: RunOptions) -> RunFiles:
         options,
         **{name: getattr(options, name) or value for name, value in header.settings.items()},
         task=options.task or header.task,
-        set=given,
-        start=start or header.start,
+        start=options.start or header.start,
         schedule=header.schedule if options.schedule is None else options.schedule,
         trace=options.trace or (options.resume if options.repeated is None else None),
         models=options.models or None,
