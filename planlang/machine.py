@@ -104,7 +104,8 @@ def check_memory() -> None:
 
 def out_of_resources(problem: Exception) -> Diagnostic | None:
     """Diagnose an error caused by a lack of memory or of a temporary folder; None for other errors."""
-    if isinstance(problem, OSError) and problem.errno in _NO_FILES:
+    no_library = isinstance(problem, ImportError) and os.strerror(errno.EMFILE) in str(problem)
+    if no_library or (isinstance(problem, OSError) and problem.errno in _NO_FILES):
         advice = "raise the limit, or close other programs"
         return error("C020", f"no more files can be opened{_most('RLIMIT_NOFILE', 'files (ulimit -n)')}", help=advice)
     if isinstance(problem, BlockingIOError | ChildProcessError):

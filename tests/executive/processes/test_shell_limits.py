@@ -11,6 +11,8 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 CHECKOUT = Path(__file__).resolve().parents[3]
 
 
@@ -103,9 +105,10 @@ def test_a_sweep_goes_on_under_the_limits_of_a_batch_system(tmp_path: Path) -> N
     assert done.returncode == 0, done.stderr
 
 
-def test_too_few_files_are_lacking_resources_and_no_internal_error(tmp_path: Path) -> None:
+@pytest.mark.parametrize("files", [6, 10])
+def test_too_few_files_are_lacking_resources_and_no_internal_error(files: int, tmp_path: Path) -> None:
     def limited() -> None:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (12, 12))
+        resource.setrlimit(resource.RLIMIT_NOFILE, (files, files))
 
     command = [sys.executable, "-m", "executive", "sweep", "serve_a_drink", "--worlds", "4", "--processes", "4"]
     environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}

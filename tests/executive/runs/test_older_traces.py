@@ -75,8 +75,12 @@ def test_the_experience_of_an_older_trace_is_that_of_the_same_run_now(served: Se
             len(read_narrative((tmp_path / name / "narrative.ttl").read_bytes(), "narrative.ttl").activities)
         )
     # The older trace came from another processor: vector instructions differ in the last digits of a pose.
+    # What a person has taken was believed on the furniture below; now it is where it was let go.
     assert [what_and_when(pose) for pose in poses[0]] == [what_and_when(pose) for pose in poses[1]]
+    held = max(one.step for one in poses[1] if one.child == "bottle1" and one.frame != "map")
     for old, new in zip(*poses, strict=True):
+        if new.child == "bottle1" and new.step > held:
+            continue
         assert (*new.position, *new.orientation) == pytest.approx((*old.position, *old.orientation), abs=1e-9)
     assert activities[0] == activities[1] > 0
 
