@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TypeVar
 
 K = TypeVar("K")
@@ -29,3 +29,8 @@ def reached(starts: Iterable[T], following: Callable[[T], Iterable[T]]) -> Itera
         new = dict.fromkeys(other for other in following(node) if other not in found)
         found |= new
         waiting += new
+
+
+def leads_to(follows: Mapping[T, Iterable[T]], start: T, goal: T) -> bool:
+    """Check whether a path leads from one node to another, or whether they are the same."""
+    return goal in reached((start,), lambda node: follows.get(node, ()))

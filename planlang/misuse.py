@@ -9,10 +9,11 @@ import inspect
 import math
 import operator
 from collections.abc import Callable, Iterable, Mapping
-from difflib import get_close_matches
 from functools import partial
 from types import FunctionType, MethodType
 from typing import Any
+
+from planlang.spelling import similar
 
 LONGEST = 60
 """Characters of a value shown in a message."""
@@ -231,7 +232,7 @@ def _inside(value: object) -> str:
 
 def did_you_mean(name: str, known: Iterable[str], alike: float = 0.7) -> str:
     """Return ``; did you mean 'Reaching'?`` for a misspelt name, or "" if no known name is similar."""
-    close = get_close_matches(name, sorted(known), 1, alike)
+    close = similar(name, known, least=alike)
     return f"; did you mean {close[0]!r}?" if close else ""
 
 

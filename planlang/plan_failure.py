@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, fields
 from typing import Any, ClassVar, Self
 
@@ -71,6 +71,16 @@ class PlanFailure(Exception):
         raised = cls(**{name: getattr(failure, name) for name in names})
         raised.__cause__ = failure
         return raised
+
+
+def links_of(problem: BaseException) -> list[BaseException]:
+    """List an exception and, if it is a failure of a plan, its causes, the nearest first."""
+    return list(problem.chain()) if isinstance(problem, PlanFailure) else [problem]
+
+
+def each_once(links: Sequence[BaseException]) -> list[BaseException]:
+    """List causes without those that repeat class and message: one raised again on its way, of which the last stays."""
+    return list({(type(link), str(link)): link for link in reversed(links)}.values())[::-1]
 
 
 PlanFailure.__module__ = "planlang.failures"  # plans import it from there, and traces name it so

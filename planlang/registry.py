@@ -9,7 +9,6 @@ same class, a user's file outranks an installed package, which outranks planlang
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import sys
 from collections.abc import Callable, Iterator
 from enum import IntEnum
@@ -21,8 +20,9 @@ from types import ModuleType
 from typing import Any
 
 from planlang.designators import Action
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, line_in, note
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
 from planlang.files import read_file
+from planlang.language.loading import execute, new_module
 from planlang.language.process_module import ProcessModule, WrappedModule, is_marked, selects, stated_as_before
 from planlang.records import dataclass
 
@@ -176,28 +176,18 @@ def _loaded(entry: EntryPoint, package: str) -> Any:
     try:
         return entry.load()
     except Exception as problem:
-        message = f"the process module {entry.value} of {package} cannot be imported: {_reason(problem)}"
+        reason = f"{type(problem).__name__}: {problem}"
+        message = f"the process module {entry.value} of {package} cannot be imported: {reason}"
         advice = _renamed(problem) or f"pip uninstall {package.split()[0]} removes it"
         raise BadInput([error("X011", message, help=advice)]) from problem
 
 
 def _imported(path: Path) -> ModuleType:
     """Import a file under a unique name; it stays in sys.modules, where failures are looked up by module name."""
-    name = f"planlang_modules_{path.stem}"
-    try:
-        code = compile(read_file(path, "X011", largest=LARGEST), str(path), "exec")
-        spec = importlib.util.spec_from_loader(name, loader=None, origin=str(path))
-        assert spec is not None
-        module = importlib.util.module_from_spec(spec)
-        module.__file__ = str(path)
-        sys.modules[name] = module  # dataclasses look their module up while the file is executed
-        exec(code, vars(module))
-    except BadInput:
-        raise
-    except (Exception, SystemExit) as problem:
-        message = f"the process modules cannot be imported: {_reason(problem)}"
-        span = Span(str(path), line_in(problem, str(path)) or 1)
-        raise BadInput([error("X011", message, span, _renamed(problem))]) from problem
+    module = new_module(f"planlang_modules_{path.stem}", str(path))
+    content = read_file(path, "X011", largest=LARGEST)
+    sys.modules[module.__name__] = module  # dataclasses look their module up while the file is executed
+    execute(module, content, "X011", "the process modules", _renamed)
     return module
 
 
@@ -211,7 +201,3 @@ def _renamed(problem: BaseException) -> str | None:
         )
     is_old = problem.name == "planlang.modules"
     return "from planlang import process_module    # planlang.modules is planlang.registry now" if is_old else None
-
-
-def _reason(problem: BaseException) -> str:
-    return f"{type(problem).__name__}: {problem}"

@@ -24,9 +24,9 @@ def are_opposite(one: str, other: str) -> bool:
     return any((a in here and b in there) or (b in here and a in there) for a, b in _OPPOSITES)
 
 
-def guess(written: str, names: Iterable[str]) -> str:
+def guess(written: str, names: Iterable[str], *, least: float = 0.6) -> str:
     """Return ``did you mean NAME? `` with the most similar name, or "" if none is similar; advice may follow it."""
-    alike = similar(written, names)
+    alike = similar(written, names, least=least)
     return f"did you mean {alike[0]}? " if alike else ""
 
 

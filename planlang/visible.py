@@ -35,3 +35,19 @@ def _line(text: str, breaks: str = "\t") -> str:
 def _escaped(one: str) -> str:
     code, is_shown = ord(one), one.isprintable() or unicodedata.category(one) == "Zs"
     return one if is_shown else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
+
+
+def for_dot(text: str) -> str:
+    """Escape text for a quoted string of Graphviz, which interprets escapes and HTML entities in labels."""
+    return text.replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+
+
+_PLAIN = frozenset(" _-.,:/=+()")
+"""Characters without a meaning in a label of Mermaid."""
+
+
+def for_mermaid(text: str) -> str:
+    """Quote text for a label of Mermaid; characters of its syntax or of HTML become character codes."""
+    return "".join(
+        char if char.isalnum() or char in _PLAIN else "<br/>" if char == "\n" else f"#{ord(char)};" for char in text
+    )

@@ -102,12 +102,17 @@ class Python:
         return str(value)
 
 
+def word_of(name: str) -> str:
+    """The word of the command line for an option of which none is declared."""
+    return f"--{name.replace('_', '-')}"
+
+
 class CommandLine:
     """Words for a POSIX shell, quoted so that they can be copied."""
 
     def option(self, option: Option) -> str:
         """``--start 1,2,0``; only the word without a value, and for a flag."""
-        word = f"--{option.name.replace('_', '-')}"
+        word = word_of(option.name)
         if option.value is None or option.value is True:
             return word
         return " ".join(

@@ -27,6 +27,7 @@ from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
 from planlang.geometry.urdf import Joint, Urdf, master_of, origin_of, read_urdf
 from planlang.geometry.urdf_schema import extents_of, numbers
 from planlang.geometry.xml_tree import Element
+from planlang.kept import Latest
 from planlang.package_paths import case_differs, file_places
 from planlang.records import dataclass
 from planlang.temporary import temporary_folder
@@ -192,7 +193,7 @@ class Description:
 
 MOST_KEPT = 8
 """Number of cached descriptions."""
-_meshless: dict[tuple[Path, bytes], Description] = {}
+_meshless: Latest[tuple[Path, bytes], Description] = Latest(MOST_KEPT)
 """Cached descriptions by path and content: only those without meshes, since mesh files may change."""
 
 
@@ -228,8 +229,6 @@ def read_description(path: Path) -> Description:
     text = ElementTree.tostring(robot, "unicode")
     description = Description(path, text, files, urdf.root, _followers(urdf.joints), merged, tuple(warnings))
     if meshless:
-        while len(_meshless) >= MOST_KEPT:
-            del _meshless[next(iter(_meshless))]
         _meshless[path, urdf.content] = description
     return description
 

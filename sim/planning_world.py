@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotations
 from planlang.geometry.shapes import Size, SolidKind, outline_of
+from planlang.kept import Latest
 from planlang.protocols import Configuration, Contact, Touch
 from planlang.records import dataclass
 from sim.contact import GROUND, Ignored, Query
@@ -48,7 +49,7 @@ MOST_LINES = 16_000
 """Number of lines per ray cast; PyBullet's limit."""
 MOST_SHAPES = 64
 """Number of cached postures."""
-_shapes: dict[object, Shape] = {}
+_shapes: Latest[object, Shape] = Latest(MOST_SHAPES)
 
 
 class PlanningWorld(KinematicScene):
@@ -165,8 +166,6 @@ class PlanningWorld(KinematicScene):
             numbers = self._numbers(without)
             lower, upper = (corners[:, 2].round(9).tolist() for corners in robot.boxes_of(numbers))
             radii = [round(robot.spread(number), 9) for number in numbers]
-            while len(_shapes) >= MOST_SHAPES:
-                del _shapes[next(iter(_shapes))]
             _shapes[key] = Shape(tuple(zip(lower, upper, radii, strict=True)))
         return _shapes[key]
 

@@ -12,6 +12,7 @@ from planlang.diagnostics import BadInput, Span, error
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, product, rigid, rotated, rotations
 from planlang.geometry.shapes import ConvexSolid, SolidKind, convex_solid
+from planlang.kept import Latest
 from planlang.protocols import Configuration
 from planlang.records import dataclass
 from sim.description import Follower, loadable, read_description
@@ -35,7 +36,7 @@ Numbers = slice | Sequence[int] | NDArray[np.intp]
 
 MOST_ROBOTS = 8
 """Number of descriptions whose link points are cached."""
-_spanning: dict[tuple[str, str], dict[int, Array]] = {}
+_spanning: Latest[tuple[str, str], dict[int, Array]] = Latest(MOST_ROBOTS)
 """Points (n, 3) that span solid links, in their frames, by URDF and link number."""
 
 
@@ -71,9 +72,7 @@ class Robot:
         self._read_joints()
         self._read_links()
         self._hulls: dict[int, list[ConvexSolid]] = {}
-        while len(_spanning) > MOST_ROBOTS:
-            del _spanning[next(iter(_spanning))]
-        self._points = _spanning.setdefault(self.key, {})
+        self._points = _spanning.of(self.key, dict)
         self.shown: dict[str, float] = {}
         self.base = (0.0, 0.0, 0.0)
         every = len(self.solid)

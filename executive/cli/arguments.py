@@ -10,7 +10,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
-from executive.options.declaring import argument, option, output
+from executive.options.declaring import argument, option, output, output_folder
 from executive.options.running import (
     Accept,
     Csv,
@@ -122,7 +122,7 @@ class ExportArguments(Arguments):
 
     trace: Annotated[Path, argument(metavar="TRACE", help="The trace of a run.")]
     to: Annotated[Form, option("--format", "--to", help="The target format.", shows_default=False)]
-    output: Annotated[Path, output("Write narrative.ttl and poses.jsonl to this folder.", "FOLDER")]
+    output: Annotated[Path, output_folder("Write narrative.ttl and poses.jsonl to this folder.")]
     began: Annotated[
         str | None,
         option(metavar="TIME", help="Start time of the run, in ISO 8601; default: 1970-01-01T00:00:00Z."),
@@ -235,10 +235,7 @@ class SweepMergeArguments(Arguments):
     """Merge the shards of a sweep into one file."""
 
     files: Annotated[list[Path], argument(metavar="FILE...", help="Files written by planlang sweep --output.")]
-    output: Annotated[
-        Path,
-        option("-o", "--output", "--out", metavar="FILE", help="Write the merged sweep to this file."),
-    ]
+    output: Annotated[Path, output("Write the merged sweep to this file.", "--out")]
     csv: Csv = None
     force: Force = False
 

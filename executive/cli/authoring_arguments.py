@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Annotated
 
 from executive.cli.arguments import Arguments, Detail, OntologyArguments, TaskArguments
-from executive.options.declaring import argument, option, output
+from executive.options.declaring import argument, option, output, view, written
 from executive.options.recipes import CheckOptions, CompileOptions
 from executive.options.running import Force, IgnoreUnread, Modules, Recipe, Robot, Trust, Units, Urdf
 from planlang.files import Target
+from planlang.outputs import PNG_OR_SVG
 from planlang.records import dataclass
 
 Output = Annotated[Path | None, output("Write the text to this file instead of stdout.")]
@@ -104,7 +105,11 @@ class ShowArguments(TaskArguments):
     output: Annotated[Path | None, output("Draw to this file; the suffix selects the format.")] = None
     view: Annotated[
         str | None,
-        option(metavar="VIEW", help="Viewpoint for a map or robot [m]: X,Y,Z or X,Y,Z:X,Y,Z, overview, or top."),
+        option(
+            metavar="VIEW",
+            help="Viewpoint for a map or robot [m]: X,Y,Z or X,Y,Z:X,Y,Z, overview, or top.",
+            parse=view,
+        ),
     ] = None
     ignore_unread: IgnoreUnread = False
     force: Force = False
@@ -161,13 +166,10 @@ class InspectArguments(Arguments):
 
     robot: Annotated[str, argument(metavar="ROBOT", help="A robot file, or the name of a bundled robot.")]
     urdf: Urdf = None
-    picture: Annotated[
-        Path | None, option(metavar="FILE", help="Draw the robot, its hands and its reach, as PNG or SVG.")
-    ] = None
-    record: Annotated[
-        Path | None,
-        option(metavar="FILE", help="Write the reach as a recording for rerun (needs the extra record)."),
-    ] = None
+    picture: Annotated[Path | None, written("Draw the robot, its hands and its reach, as PNG or SVG.", PNG_OR_SVG)] = (
+        None
+    )
+    record: Annotated[Path | None, written("Write the reach as a recording for rerun (needs the extra record).")] = None
     force: Force = False
 
 

@@ -15,7 +15,7 @@ import click
 from executive.cli.arguments import Arguments
 from executive.options.declaring import Stated, declared
 from planlang.spelling import guess
-from planlang.words import COMMAND_LINE, said
+from planlang.words import COMMAND_LINE, said, word_of
 
 A = TypeVar("A", bound=Arguments)
 
@@ -74,7 +74,7 @@ def _parameter(one: Stated) -> click.Parameter:
             metavar = f"[{metavar}]"
         return click.Argument([one.name], nargs=-1 if is_list else 1, metavar=metavar, **more)
     more |= {"is_flag": kind is bool, "multiple": is_list, "metavar": metavar}
-    words = known.words or (f"--{one.name.replace('_', '-')}",)
+    words = known.words or (word_of(one.name),)
     return click.Option([*words, one.name], show_default=known.shows_default, show_envvar=True, **more)
 
 

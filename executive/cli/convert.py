@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from executive.cli.authoring_arguments import ConvertArguments
 from executive.cli.console import Answer, text_answer
+from executive.options.declaring import check_written
 from executive.runs.files import refuse
 from planlang.diagnostics import error, settled
 from planlang.files import Bundled
 from planlang.ontology import Literal
 from planlang.ontology.convert import convert
-from planlang.outputs import check_outputs
 from planlang.units import chosen_units, in_chosen_unit, unit_of
 
 
 def command(arguments: ConvertArguments) -> Answer:
     """Convert a file; raises BadInput."""
     path, output = Bundled.RECIPE.find(arguments.file), arguments.output
-    refuse(check_outputs({"--output": output}, {"the file": path}, force=arguments.force))
+    refuse(check_written(arguments, ConvertArguments, {"the file": path}))
     units = chosen_units(arguments.units or ())
     converted = convert(path, arguments.to, lambda literal: in_chosen_unit(literal, units))
     left_out = settled(converted.unread, ignore_unread=arguments.ignore_unread)

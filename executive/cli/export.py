@@ -19,8 +19,9 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, warning
 from planlang.experience import Experience, experience_of, narrative
 from planlang.experience.poses import pose_lines, read_log, transforms_in
 from planlang.files import read_file
-from planlang.outputs import check_outputs, make_folder, write_text
+from planlang.outputs import Named, check_outputs, make_folder, write_text
 from planlang.runs.recorded_run import DamagedTrace, read_records
+from planlang.words import Option
 
 LARGEST = 200_000_000
 """Maximum size of a trace [bytes]."""
@@ -40,8 +41,9 @@ def command(arguments: ExportArguments) -> Answer:
     if arguments.poses is not None:
         poses = sorted((*poses, *read_log(arguments.poses, records[0])), key=lambda one: one.step)
     outputs = {"the narrative": folder / "narrative.ttl", "the poses": folder / POSES}
+    inputs: dict[Named, Path | None] = {"the trace": trace, Option("poses"): arguments.poses}
     make_folder(folder)
-    refuse(check_outputs(outputs, {"the trace": trace, "--poses": arguments.poses}, force=arguments.force))
+    refuse(check_outputs(outputs, inputs, force=arguments.force))
     write_text(outputs["the narrative"], narrative(experience, NAMESPACE + digest[:16], began, records=[POSES]))
     write_text(outputs["the poses"], "".join(pose_lines(poses, experience.rate, began, trace_sha256=digest)))
     first, second = map(str, outputs.values())

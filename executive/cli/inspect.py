@@ -13,6 +13,7 @@ from executive.cli.console import Answer, ExitCode, progress_of
 from executive.locations.capabilities import ArmReach, Capabilities, capabilities_of
 from executive.locations.reachability import YAWS, GraspClass
 from executive.locations.reachability_maps import reachability_map
+from executive.options.declaring import check_written
 from executive.pictures.drawn import drawn_in
 from executive.pictures.reach_picture import save_reach_picture
 from executive.robots import CARRYING, Arm, Robot, bind_robot
@@ -24,7 +25,8 @@ from executive.runs.files import check_files, refuse
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.extras import no_recorder
 from planlang.files import Bundled
-from planlang.outputs import PNG_OR_SVG, check_outputs, replace
+from planlang.outputs import replace
+from planlang.words import Option
 from sim import PlanningWorld, Scene
 
 NAMED = ("prepare_grasp", "handover")
@@ -36,9 +38,7 @@ def command(arguments: InspectArguments) -> Answer:
     source, urdf = Bundled.ROBOT.find(arguments.robot), arguments.urdf
     problems: list[Diagnostic] = []
     check_files(problems, urdf=urdf)
-    outputs = {"--picture": arguments.picture, "--record": arguments.record}
-    inputs = {"the robot": source, "--urdf": urdf}
-    problems += check_outputs(outputs, inputs, formats={"--picture": PNG_OR_SVG}, force=arguments.force)
+    problems += check_written(arguments, InspectArguments, {"the robot": source, Option("urdf"): urdf})
     problems += no_recorder() if arguments.record is not None else []
     refuse(problems)
     bare = bind_robot(source, urdf=urdf)

@@ -9,13 +9,14 @@ from executive.cli.authoring_arguments import MakeArguments
 from executive.cli.capabilities import capability_data, capability_lines, holds_data
 from executive.cli.console import Answer, progress_of, text_answer, waiting
 from executive.locations.capabilities import capabilities_of
+from executive.options.declaring import check_written
 from executive.robots import CARRYING, bind_draft
 from executive.robots.arms import with_carrying
 from executive.robots.draft import draft_of
 from executive.runs.files import check_files, refuse
 from planlang.diagnostics import Diagnostic
-from planlang.outputs import check_outputs
 from planlang.shell import quoted
+from planlang.words import Option
 
 
 def command(arguments: MakeArguments) -> Answer:
@@ -23,7 +24,7 @@ def command(arguments: MakeArguments) -> Answer:
     urdf, srdf, output = arguments.urdf, arguments.srdf, arguments.output
     problems: list[Diagnostic] = []
     check_files(problems, urdf=urdf, srdf=srdf)
-    problems += check_outputs({"--output": output}, {"the URDF": urdf, "--srdf": srdf}, force=arguments.force)
+    problems += check_written(arguments, MakeArguments, {"the URDF": urdf, Option("srdf"): srdf})
     refuse(problems)
     folder = Path() if output is None else output.parent
     with waiting(arguments, lambda: f"reading {urdf.name}"):

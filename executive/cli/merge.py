@@ -9,9 +9,9 @@ import click
 from executive.cli.authoring_arguments import MergeArguments
 from executive.cli.console import Answer, text_answer
 from executive.maps.merging import merge
+from executive.options.declaring import check_written
 from executive.runs.files import environments, refuse
 from planlang.diagnostics import Diagnostic
-from planlang.outputs import check_outputs
 
 
 def command(arguments: MergeArguments) -> Answer:
@@ -20,8 +20,7 @@ def command(arguments: MergeArguments) -> Answer:
         raise click.BadParameter("name at least two maps")
     problems: list[Diagnostic] = []
     paths = environments(arguments.maps, problems)
-    inputs = {f"the map {path}": path for path in paths}
-    problems += check_outputs({"--output": arguments.output}, inputs, force=arguments.force)
+    problems += check_written(arguments, MergeArguments, {f"the map {path}": path for path in paths})
     refuse(problems)
     merged = merge(paths, arguments.folders, ignore_unread=arguments.ignore_unread)
     conflicts = [one.message for one in merged.diagnostics if one.code == "M022"]

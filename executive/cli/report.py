@@ -13,14 +13,14 @@ from typing import Any
 from executive import api
 from executive.cli.arguments import ReportArguments
 from executive.cli.console import Answer, progress_of, say
-from executive.options.declaring import values_of
+from executive.options.declaring import check_written, values_of
 from executive.options.running import SituationSettings
 from executive.runs.files import RecipeFile, read, refuse
 from executive.runs.options import RunOptions
 from executive.runs.reporting import context_of
 from executive.runs.traces import TraceHeader, bundled_recipe, recorded_run
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
-from planlang.outputs import check_outputs, write_text
+from planlang.outputs import write_text
 from planlang.report import Context, Told, model_of, page
 from planlang.runs import RecordedRun
 
@@ -32,7 +32,7 @@ def command(arguments: ReportArguments) -> Answer:
     """Write the page; raises BadInput."""
     recorded = recorded_run(arguments.trace)
     output = arguments.output or arguments.trace.with_suffix(".html")
-    refuse(check_outputs({"--output": output}, {"the trace": arguments.trace}, force=arguments.force))
+    refuse(check_written(replace(arguments, output=output), ReportArguments, {"the trace": arguments.trace}))
     missing = _repeated(arguments, recorded, output)
     if missing:
         context = _context(arguments, recorded.header)

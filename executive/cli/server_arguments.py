@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from executive.cli.arguments import Arguments, OntologyArguments, PlaceArguments
-from executive.options.declaring import argument, option, output
+from executive.options.declaring import argument, option, output_folder
 from planlang.records import dataclass
 
 
@@ -82,7 +82,7 @@ class PullArguments(ServerArguments):
     """
 
     uid: Uid
-    output: Annotated[Path, output("Folder to write to; created if needed.", "FOLDER")] = Path()
+    output: Annotated[Path, output_folder("Folder to write to; created if needed.")] = Path()
     revision: Annotated[
         int | None, option(least=1, metavar="N", help="Number of the revision; default: the latest.")
     ] = None

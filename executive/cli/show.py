@@ -20,7 +20,7 @@ from executive.cli.console import Answer
 from executive.commands.check import check
 from executive.live.terminal import TerminalTree
 from executive.maps import read_map, scene_of
-from executive.options.declaring import is_view
+from executive.options.declaring import check_written
 from executive.options.recipes import CheckOptions
 from executive.pictures.scene_picture import save_picture
 from executive.robots import bind_robot
@@ -34,7 +34,7 @@ from planlang.files import Bundled, beginning
 from planlang.language.recovery import explain
 from planlang.language.source import PlanSource
 from planlang.ontology import load
-from planlang.outputs import PNG, check_outputs, replace
+from planlang.outputs import PNG, replace
 from planlang.recipe.model import Recipe, RecipeSet
 from planlang.recipe.order import recipe_order
 from planlang.records import dataclass
@@ -62,7 +62,7 @@ def command(arguments: ShowArguments) -> Answer:
     """Show the contents of a file. Raises BadInput."""
     path, show = _kind(arguments.file)
     output = arguments.output
-    refuse(check_outputs({"--output": output}, {"the file": path}, force=arguments.force))
+    refuse(check_written(arguments, ShowArguments, {"the file": path}))
     shown = show(path, arguments)
     diagnostics = (*folders_beside(arguments.file), *shown.answer.diagnostics)
     shown = changed(shown, answer=changed(shown.answer, diagnostics=diagnostics))
@@ -84,8 +84,6 @@ def _check_drawn(shown: Shown, arguments: ShowArguments) -> None:
         raise BadInput([error("C014", message)])
     if view is not None and not (shown.has_view and output is not None):
         raise click.BadParameter("--view needs --output, and a map or a robot")
-    if view is not None and not is_view(view):
-        raise click.BadParameter(f"--view {view!r}: write X,Y,Z or X,Y,Z:X,Y,Z in metres, overview, or top")
 
 
 def _kind(name: str) -> tuple[Path, Callable[[Path, ShowArguments], Shown]]:

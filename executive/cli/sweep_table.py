@@ -8,6 +8,7 @@ from pathlib import Path
 
 from executive.cli.arguments import SweepTableArguments
 from executive.cli.console import Answer, ExitCode
+from executive.options.declaring import check_written
 from executive.runs.files import refuse
 from executive.runs.options import Outcome
 from executive.sweeps import Row
@@ -15,7 +16,7 @@ from executive.sweeps.files import Sweep, read_sweep
 from executive.sweeps.records import is_reached
 from executive.sweeps.table import causes, csv_text, shares, table
 from planlang.diagnostics import Diagnostic, warning
-from planlang.outputs import check_outputs, write_text
+from planlang.outputs import write_text
 
 MOST_NAMED = 10
 """Maximum number of missing worlds that are listed."""
@@ -23,7 +24,7 @@ MOST_NAMED = 10
 
 def command(arguments: SweepTableArguments) -> Answer:
     """Print the table. Raises BadInput for a file that is not a sweep."""
-    refuse(check_outputs({"--csv": arguments.csv}, {"the sweep": arguments.file}, force=arguments.force))
+    refuse(check_written(arguments, SweepTableArguments, {"the sweep": arguments.file}))
     sweep = read_sweep(arguments.file)
     if arguments.csv is not None:
         write_csv(arguments.csv, sweep.rows)

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from executive.options.declaring import as_json, outputs_of, stated, values_of
+from executive.options.declaring import as_json, check_written, stated, values_of
 from executive.options.running import SituationSettings, SweepOptions
 from executive.runs.files import RecipeFile, refuse
 from executive.runs.options import RunOptions
@@ -18,7 +18,6 @@ from executive.sweeps import Row, World, run
 from executive.sweeps.records import LIMITS, Done
 from planlang.diagnostics import Diagnostic
 from planlang.language.source import PlanSource
-from planlang.outputs import check_outputs
 from planlang.words import COMMAND_LINE, calling
 
 JOB = "executive.commands.swept_world:ended"
@@ -40,8 +39,7 @@ def swept(
     """
     run_options = RunOptions(**values_of(options, SituationSettings), recipe=options.recipe)
     files = prepared(run_options)  # reports what is wrong for all worlds before the first
-    outputs, formats = outputs_of(options, SweepOptions)
-    refuse(check_outputs(outputs, dict(_inputs(files)), formats=formats, force=options.force))
+    refuse(check_written(options, SweepOptions, dict(_inputs(files))))
     announce(files.notes)
     given = as_json(run_options, SituationSettings)
     plan = files.file.text if isinstance(files.file, PlanSource) and files.file.is_in_memory else options.recipe

@@ -13,6 +13,7 @@ from executive.locations.reachability import CELL, YAWS, GraspClass, Reachabilit
 from executive.locations.reachability_maps import reachability_map
 from executive.robots.arms import ArmModel
 from planlang.geometry import Array
+from planlang.kept import Latest
 from planlang.progress import Report
 from planlang.records import dataclass
 
@@ -162,7 +163,7 @@ class InverseMap:
         return self._levels[level, offset, roll]
 
 
-_prepared: dict[tuple[object, ...], InverseMap] = {}
+_prepared: Latest[tuple[object, ...], InverseMap] = Latest(MOST_MAPS)
 """Maps that all arms of the process with the same kinematics share."""
 
 
@@ -179,9 +180,7 @@ class InverseMaps:
         key = (arm.name, grasp)
         if key not in self._known:
             facts = (arm.chain.digest, arm.lift, arm.frame, arm.seeds.tobytes(), grasp)
-            if facts not in _prepared:
-                while len(_prepared) >= MOST_MAPS:
-                    del _prepared[next(iter(_prepared))]
-                _prepared[facts] = InverseMap(reachability_map(arm, grasp, self._robot, self._report))
-            self._known[key] = _prepared[facts]
+            self._known[key] = _prepared.of(
+                facts, lambda: InverseMap(reachability_map(arm, grasp, self._robot, self._report))
+            )
         return self._known[key]

@@ -53,6 +53,7 @@ from planlang.designators import Device, Location, Object
 from planlang.failures import DesignatorFailure, LocationUnresolvable, MissingCapability, PlanFailure
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Clear, Facing, Region
+from planlang.kept import Latest
 from planlang.language.performing import actions_around
 from planlang.progress import Report, unreported
 from planlang.protocols import Solution
@@ -76,9 +77,9 @@ class Resolver:
         self.scene = scene
         self.maps = InverseMaps(scene.robot.name, report)
         self._validator = BaseValidator(scene, self.maps)
-        self._answers: Kept[dict[Hashable, Replayable[Solution]]] = Kept(1)
+        self._answers: Kept[Latest[Hashable, Replayable[Solution]]] = Kept(1)
         self._supposed: Kept[Resolver] = Kept(MOST_SUPPOSED)
-        self._viewers: dict[Location, tuple[float, float]] = {}
+        self._viewers: Latest[Location, tuple[float, float]] = Latest(MOST_VIEWERS)
         self._here: Kept[dict[tuple[Location, tuple[float, float]], bool]] = Kept(1)
         self.watchers: list[Callable[[Location, Rejections], object]] = []
         """Called with the log of each search for base poses when it begins; the log then keeps the places examined."""
@@ -90,7 +91,7 @@ class Resolver:
         def make() -> Resolver:
             other = copy(self)
             other.scene, other._validator, other._answers = scene, BaseValidator(scene, self.maps), Kept(1)
-            other._viewers, other._here, other.watchers = dict(viewers), Kept(1), []
+            other._viewers, other._here, other.watchers = Latest(MOST_VIEWERS, viewers), Kept(1), []
             return other
 
         return self._supposed.of((scene.content(), scene.belief.memory.bound, viewers), make)
@@ -111,12 +112,8 @@ class Resolver:
         if log is not None:
             return self._bases(location, Question(log))
         question = location, tuple(actions_around())  # enclosing actions restrict the grips
-        answers = self._answers.of(self.scene.content(), dict)
-        if question not in answers:
-            while len(answers) >= MOST_QUESTIONS:
-                del answers[next(iter(answers))]
-            answers[question] = Replayable(lambda: self._bases(location, self._question(location)))
-        return iter(answers[question])
+        answers = self._answers.of(self.scene.content(), lambda: Latest(MOST_QUESTIONS))
+        return iter(answers.of(question, lambda: Replayable(lambda: self._bases(location, self._question(location)))))
 
     def look_at_unseen(self, location: Location) -> Solution | None:
         """Find a look at an unreachable thing known only from the map, since it may stand elsewhere; None without.
@@ -351,10 +348,7 @@ class Resolver:
         """Fix the viewpoint of a location's left and right at the present base pose."""
         x, y, _ = self.scene.base()
         for inner in (location, *(one for one in location.references() if isinstance(one, Location))):
-            self._viewers.pop(inner, None)
-            self._viewers[inner] = x, y
-        while len(self._viewers) > MOST_VIEWERS:
-            del self._viewers[next(iter(self._viewers))]
+            self._viewers.renew(inner, (x, y))
 
     def _viewer(self, location: Location) -> tuple[float, float]:
         """Viewpoint of a location's left and right: where the base was when it was last searched for."""

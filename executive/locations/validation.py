@@ -23,6 +23,7 @@ from executive.robots.arms import ArmModel, called
 from planlang.designators import Location
 from planlang.failures import BehindClosedDoor, HandsFull, HandsLacking, LocationUnresolvable, TooHeavy
 from planlang.geometry import Array
+from planlang.kept import Latest
 from planlang.protocols import Solution
 from planlang.relations.demands import Reach, ReachKind
 
@@ -68,7 +69,7 @@ class BaseValidator:
         self.scene, self.inverse = scene, inverse
         self._uses = LaterUses(scene, inverse)
         self.candidates = self._uses.candidates
-        self._reached: dict[tuple[str, BasePose], dict[Reach, HandSolution]] = {}
+        self._reached: Latest[tuple[str, BasePose], dict[Reach, HandSolution]] = Latest(MOST_REMEMBERED)
 
     def wanted(self, demand: BaseDemand) -> tuple[Reach, ...]:
         """Select the reaches required from the base: not those for things already in the hand."""
@@ -280,9 +281,7 @@ class BaseValidator:
             return Solution(base, self.scene.belief.revision, frame)
         arm = next(iter(reached.values())).arm.name
         for reach, candidate in reached.items():
-            self._reached.setdefault((candidate.arm.name, rounded(base)), {})[reach] = candidate
-        while len(self._reached) > MOST_REMEMBERED:
-            del self._reached[next(iter(self._reached))]
+            self._reached.of((candidate.arm.name, rounded(base)), dict)[reach] = candidate
         detail = {"arm": arm, "reaches": [candidate.plan.label for candidate in reached.values()], **frame}
         return Solution(base, self.scene.belief.revision, detail)
 

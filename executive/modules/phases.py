@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import field
 
 from planlang.geometry import Array, Pose
+from planlang.kept import Latest
 from planlang.language.plans import innermost_plan
 from planlang.motion_constraints import MotionConstraint
 from planlang.records import dataclass
@@ -54,13 +55,11 @@ class Phases:
     """States of the recipes with constrained motions in one run."""
 
     def __init__(self) -> None:
-        self._known: dict[str, Phase] = {}
+        self._known: Latest[str, Phase] = Latest(MOST)
 
     def current(self) -> Phase:
         """Look up the state of the running recipe; a new one on its first motion."""
         path = innermost_plan()
-        phase = self._known.pop(path, None) or Phase()
-        self._known[path] = phase
-        while len(self._known) > MOST:
-            del self._known[next(iter(self._known))]
+        phase = self._known.get(path) or Phase()
+        self._known.renew(path, phase)
         return phase

@@ -19,6 +19,7 @@ from executive.motion.symbolic import ROTATION_WEIGHT, ChainFunctions, Variable
 from planlang.geometry import Array
 from planlang.geometry.matrices import product, rotated
 from planlang.geometry.urdf import KINDS, Joint, NoSuchChain, joints_between, master_of, read_urdf
+from planlang.kept import Latest
 from planlang.kernel import still_computing
 
 POSITION_TOLERANCE = 1e-4
@@ -173,12 +174,7 @@ class Chain(JointRanges):
     @cached_property
     def functions(self) -> ChainFunctions:
         """Compiled functions, shared by all chains of a process with the same digest."""
-        known = _FUNCTIONS.get(self.digest)
-        if known is None:
-            while len(_FUNCTIONS) >= MOST_CHAINS:
-                del _FUNCTIONS[next(iter(_FUNCTIONS))]
-            known = _FUNCTIONS[self.digest] = ChainFunctions(self._joints, self._variables, *self.bounds)
-        return known
+        return _FUNCTIONS.of(self.digest, lambda: ChainFunctions(self._joints, self._variables, *self.bounds))
 
     def fk(self, q: ArrayLike) -> Array:
         """Compute poses (n, 4, 4) of the tip in the base for configurations (n, d)."""
@@ -331,9 +327,9 @@ class Chain(JointRanges):
         return rows
 
 
-_FUNCTIONS: dict[str, ChainFunctions] = {}
 MOST_CHAINS = 32
 """Number of chains whose functions are cached in a process: arms, necks and lifts of several robots."""
+_FUNCTIONS: Latest[str, ChainFunctions] = Latest(MOST_CHAINS)
 
 
 def _whole(rows: Array) -> Array:

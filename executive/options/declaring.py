@@ -12,9 +12,9 @@ from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
-from planlang.diagnostics import BadInput, Span, WrongOption, error
+from planlang.diagnostics import BadInput, Diagnostic, Span, WrongOption, error
 from planlang.files import decode, read_file
-from planlang.outputs import Named
+from planlang.outputs import Named, check_outputs
 from planlang.records import dataclass
 from planlang.spelling import similar
 from planlang.words import Option, Text
@@ -67,9 +67,14 @@ def written(help: str, formats: tuple[str, ...] = (), *words: str) -> Declared:
     return Declared(help, "FILE", words, is_shown=True, writes=formats)
 
 
-def output(help: str, metavar: str = "FILE") -> Declared:
-    """Declare the option for the file or folder of a command's result."""
-    return Declared(help, metavar, ("-o", "--output"))
+def output(help: str, *words: str, metavar: str = "FILE") -> Declared:
+    """Declare the option for the file of a command's result; ``words`` are further ones."""
+    return Declared(help, metavar, ("-o", "--output", *words), writes=())
+
+
+def output_folder(help: str) -> Declared:
+    """Declare the option for the folder of a command's results."""
+    return Declared(help, "FOLDER", ("-o", "--output"))
 
 
 def argument(*, metavar: str | None = None, help: str = "", **more: Any) -> Declared:
@@ -197,15 +202,12 @@ def _plain(value: Any) -> Any:
     return [_plain(one) for one in value] if isinstance(value, list | tuple) else value
 
 
-def outputs_of(options: object, kind: type) -> tuple[dict[Named, Path | None], dict[Named, Sequence[str]]]:
-    """The files that options name for writing, and the suffixes that these may have."""
-    paths: dict[Named, Path | None] = {}
-    formats: dict[Named, Sequence[str]] = {}
-    for name, one in declared(kind).items():
-        if one.declared.writes is not None:
-            paths[Option(name)] = getattr(options, name)
-            formats[Option(name)] = one.declared.writes
-    return paths, formats
+def check_written(options: Any, kind: type, inputs: Mapping[Named, Path | None]) -> list[Diagnostic]:
+    """Find problems with the files that the options of a class name for writing, before the work starts."""
+    written = {Option(name): one.declared.writes for name, one in declared(kind).items()}
+    formats = {option: suffixes for option, suffixes in written.items() if suffixes is not None}
+    paths = {option: getattr(options, option.name) for option in formats}
+    return check_outputs(paths, inputs, formats=formats, force=options.force)
 
 
 # Values of options, from text or from values of Python
@@ -244,9 +246,11 @@ def planar(given: Any) -> BasePose:
     return x, y, yaw
 
 
-def is_view(text: str) -> bool:
-    """Check the syntax of a view: overview, top, an eye, or an eye and a target."""
-    return text in ("overview", "top") or points_of_view(text) is not None
+def view(given: Any) -> str:
+    """Check a view: overview, top, an eye, or an eye and a target. Raises WrongOption."""
+    if isinstance(given, str) and (given in ("overview", "top") or points_of_view(given) is not None):
+        return given
+    raise WrongOption(Option("view", given), ": write X,Y,Z or X,Y,Z:X,Y,Z in metres, overview, or top")
 
 
 def points_of_view(text: str) -> list[tuple[float, float, float]] | None:

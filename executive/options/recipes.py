@@ -6,7 +6,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
-from executive.options.declaring import argument, option, output
+from executive.options.declaring import argument, option, output, written
 from executive.options.running import IgnoreUnread, Modules, Recipe, Source, TaskOptions, Trust, source
 from planlang.records import dataclass
 from planlang.words import Option, Text
@@ -26,12 +26,11 @@ class CompileOptions(TaskOptions):
     """Options of compiling a recipe."""
 
     recipe: Recipe
-    output: Annotated[Path | None, output("Write the plan to this file instead of stdout.", "PLAN")] = None
+    output: Annotated[Path | None, output("Write the plan to this file instead of stdout.", metavar="PLAN")] = None
     modules: Modules = None
     trust: Trust = False
     graph: Annotated[
-        Path | None,
-        option(metavar="FILE", help="Also draw the order of the steps, as .svg, .png, .dot or .mmd (Mermaid)."),
+        Path | None, written("Also draw the order of the steps, as .svg, .png, .dot or .mmd (Mermaid).")
     ] = None
     scopes: Annotated[bool, option("--scopes/--no-scopes", help="Open a location scope at each base motion.")] = True
     data_flow: Annotated[

@@ -19,6 +19,7 @@ from executive.options.declaring import (
     option,
     planar,
     shard,
+    view,
     written,
 )
 from planlang.diagnostics import BadInput, error
@@ -205,6 +206,7 @@ class RunSettings(SituationSettings):
         option(
             metavar="X,Y,Z[:X,Y,Z]",
             help="Viewpoint of picture and video [m], and the point to look at; or overview, or top.",
+            parse=view,
             is_shown=True,
         ),
     ] = None

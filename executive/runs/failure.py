@@ -9,7 +9,9 @@ from typing import Any
 
 import sim
 from planlang.diagnostics import line_in
-from planlang.failures import LocationUnresolvable, PlanFailure
+from planlang.failures import PlanFailure
+from planlang.language.recovery import why_unresolvable
+from planlang.plan_failure import each_once, links_of
 from planlang.records import dataclass
 
 
@@ -30,14 +32,13 @@ class Failure:
     @staticmethod
     def of(problem: BaseException, where: str | None = None) -> Failure:
         """Describe an exception; causes of equal class and message are listed once."""
-        links = list(problem.chain()) if isinstance(problem, PlanFailure) else [problem]
-        first, *causes = reversed({(type(link), str(link)): link for link in reversed(links)}.values())
-        advice = (link.because() for link in links if isinstance(link, LocationUnresolvable))
+        links = links_of(problem)
+        first, *causes = each_once(links)
         return Failure(
             type(first).__name__,
             str(first),
             where or _where(first),
-            next(filter(None, advice), None),
+            why_unresolvable(links) or None,
             tuple(Failure(type(link).__name__, str(link), _where(link)) for link in causes),
         )
 

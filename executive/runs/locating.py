@@ -14,7 +14,7 @@ from executive.locations import Rejections
 from executive.locations.demands import LocationMeaningless, base_demand, sides, thing_demand, viewpoint, without_unused
 from executive.maps import read_map, scene_of
 from executive.modules.platform import Platform
-from executive.options.declaring import names, outputs_of, planar
+from executive.options.declaring import check_written, names
 from executive.options.running import LocateOptions
 from executive.pictures.scenery import Resolution, scenery_of
 from executive.robots import bind_robot
@@ -30,7 +30,7 @@ from planlang.failures import LocationUnresolvable, MissingCapability, ObjectUnr
 from planlang.files import Bundled
 from planlang.geometry import Pose
 from planlang.ontology import load
-from planlang.outputs import check_outputs
+from planlang.outputs import Named
 from planlang.phrases import Lexicon, read_location, read_thing, write_location, write_relation, write_thing
 from planlang.phrases.lexicon import GRASP_FORMS
 from planlang.progress import Report, Waiting, unreported, unwatched
@@ -79,7 +79,7 @@ def locate(options: LocateOptions, *, long_work: Report = unreported, waiting: W
 
 
 def _located(options: LocateOptions, long_work: Report, waiting: Waiting) -> Located:
-    files, start = _found(options), None if options.start is None else planar(options.start)
+    files = _found(options)
     Shown(options.units or ())  # refuses invalid units before the search
     with ExitStack() as stack:
         diagnostics: list[Diagnostic] = []
@@ -94,7 +94,7 @@ def _located(options: LocateOptions, long_work: Report, waiting: Waiting) -> Loc
             arms = ", ".join(arm.name for arm in robot.arms) or "none"
             device = write_thing(location.device).removeprefix("the ")
             return _missing(MissingCapability(f"{robot.name} has no {device}; its arms: {arms}"), options, diagnostics)
-        world = world_at_start(scene_of(semantic_map, diagnostics), robot, start, stack)
+        world = world_at_start(scene_of(semantic_map, diagnostics), robot, options.start, stack)
         truth = PyBulletWorld(world.scene, robot.body())  # equals the belief: nothing moves
         stack.callback(truth.close)
         platform = platform_of(robot, semantic_map, truth, world, 0, long_work)
@@ -118,9 +118,12 @@ def _found(options: LocateOptions) -> _Files:
     first, *further = (*names(options.environment or ()),) or (None,)
     environment = chosen(Bundled.ENVIRONMENT, first, None, problems, needs="locate")
     additions = environments(further, problems)
-    inputs = {Option("urdf"): options.urdf, Option("robot"): robot, Option("environment"): environment}
-    outputs, formats = outputs_of(options, LocateOptions)
-    refuse([*problems, *check_outputs(outputs, inputs, formats=formats, force=options.force)])
+    inputs: dict[Named, Path | None] = {
+        Option("urdf"): options.urdf,
+        Option("robot"): robot,
+        Option("environment"): environment,
+    }
+    refuse([*problems, *check_written(options, LocateOptions, inputs)])
     assert robot is not None
     assert environment is not None
     return _Files(robot, environment, additions)

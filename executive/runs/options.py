@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from executive.options.declaring import declared, values_of
+from executive.options.declaring import view as checked_view
 from executive.options.running import RunSettings
 from executive.runs.failure import Failure
 from executive.runs.traces import read_trace
@@ -189,8 +190,8 @@ class EndedRun:
         problems = check_outputs({what: path}, {}, formats={"picture": PNG}, force=force)
         if problems:
             raise BadInput(problems)
-        file: dict[str, Any] = {what: path}
-        self._run(replace(self._options.unseen(), repeated=self._recorded(), resume=None, view=view, **file))
+        shown: dict[str, Any] = {what: path, "view": None if view is None else checked_view(view)}
+        self._run(replace(self._options.unseen(), repeated=self._recorded(), resume=None, **shown))
         return path
 
     @cached_property

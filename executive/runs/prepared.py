@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
-from executive.options.declaring import bindings, is_view, names, outputs_of, planar
+from executive.options.declaring import check_written, names
 from executive.options.running import RunSettings
 from executive.runs.files import (
     RecipeFile,
@@ -30,7 +30,7 @@ from planlang.diagnostics import Diagnostic, WrongOption, error
 from planlang.extras import no_recorder
 from planlang.files import Bundled
 from planlang.language.source import PlanSource
-from planlang.outputs import Named, check_outputs
+from planlang.outputs import Named
 from planlang.records import dataclass
 from planlang.runs import RecordedRun
 from planlang.words import Blank, Option, Text
@@ -46,9 +46,6 @@ def _check_together(options: RunOptions) -> None:
         raise WrongOption(LEFT, " needs ", Option("resume"))
     if options.view is not None and not (options.picture or options.video):
         raise WrongOption(Option("view"), " needs ", Option("picture"), " or ", Option("video"))
-    if options.view is not None and not is_view(options.view):
-        given = Option("view", options.view)
-        raise WrongOption(given, ": write X,Y,Z or X,Y,Z:X,Y,Z in metres of the map, overview, or top")
     if options.world_as_left and options.poses is not None:
         raise WrongOption(Option("poses"), " logs whole runs: leave out ", LEFT)
     if options.world_as_left and options.report is not None:
@@ -84,7 +81,6 @@ class RunFiles:
 def prepared(options: RunOptions) -> RunFiles:
     """Find the files of a run; options of a resumed run default to the header of its trace. Raises BadInput."""
     _check_together(options)
-    given, start = bindings(options.set or {}), None if options.start is None else planar(options.start)
     recorded, header = options.repeated, TraceHeader()
     if recorded is not None:
         header = header_to_repeat(recorded)
@@ -101,7 +97,7 @@ def prepared(options: RunOptions) -> RunFiles:
     notes: list[Diagnostic] = []
     environment, *further = (*names(options.environment or ()),) or (header.environment,)
     if environment is None and is_bundled:
-        environment = default_environment(file.path, given.values(), notes)
+        environment = default_environment(file.path, (options.set or {}).values(), notes)
     semantic_map = chosen(
         Bundled.ENVIRONMENT, environment, DEFAULT_ENVIRONMENT if is_bundled else None, problems, needs=_NEEDS
     )
@@ -122,8 +118,7 @@ def prepared(options: RunOptions) -> RunFiles:
         options,
         **{name: getattr(options, name) or value for name, value in header.settings.items()},
         task=options.task or header.task,
-        set=given,
-        start=start or header.start,
+        start=options.start or header.start,
         schedule=header.schedule if options.schedule is None else options.schedule,
         trace=options.trace or (options.resume if options.repeated is None else None),
         models=options.models or None,
@@ -157,11 +152,9 @@ def _trace_of(options: RunOptions) -> str:
 
 def _check_outputs(options: RunOptions, inputs: Mapping[Named, Path | None]) -> Iterator[Diagnostic]:
     """Yield an error for each output file that cannot be written or is an input, and for a missing display."""
-    outputs, formats = outputs_of(options, RunSettings)
-    if options.resume is not None:
-        outputs[Option("trace")] = options.trace or options.resume
+    options = replace(options, trace=options.trace or options.resume)
     files = dict(inputs) | {Option("modules", file): file for file in options.modules or ()}
-    yield from check_outputs(outputs, files, formats=formats, force=options.force)
+    yield from check_written(options, RunSettings, files)
     yield from no_recorder() if options.record is not None else ()
     yield from no_display() if options.gui else ()
 

@@ -13,6 +13,7 @@ from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from executive.serving.problems import problem_response
+from planlang.kept import Latest
 
 USUAL = 500.0
 """Default rate limit of one client [requests/s]."""
@@ -30,7 +31,7 @@ class Rates:
     def __init__(self, each_second: float = USUAL, clock: Callable[[], float] = time.monotonic) -> None:
         """Limit each client to ``each_second`` requests per second; 0 means no limit."""
         self._each_second, self._clock = each_second, clock
-        self._until: dict[str, float] = {}
+        self._until: Latest[str, float] = Latest(MOST_CLIENTS)
         self._authors: dict[str, str] = {}
 
     def wait(self, address: str, authorization: str = "") -> float:
@@ -38,11 +39,9 @@ class Rates:
         if not self._each_second:
             return 0.0
         client, now = self._authors.get(_digest(authorization)) or network(address), self._clock()
-        until = max(now, self._until.pop(client, now))
+        until = max(now, self._until.get(client, now))
         wait = until - now - BURST
-        self._until[client] = until if wait > 0 else until + 1 / self._each_second
-        if len(self._until) > MOST_CLIENTS:
-            del self._until[next(iter(self._until))]  # the client with the oldest request
+        self._until.renew(client, until if wait > 0 else until + 1 / self._each_second)
         return max(0.0, wait)
 
     def know(self, authorization: str, author: str) -> None:

@@ -29,6 +29,7 @@ from planlang.geometry.urdf_schema import (
     slides_too_far,
 )
 from planlang.geometry.xml_tree import BadXml, Element, read_content, tree_of
+from planlang.kept import Latest
 from planlang.records import dataclass
 
 XACRO = "this is an expression of xacro; write it out first: xacro {0}.urdf.xacro > {0}.urdf"
@@ -139,7 +140,7 @@ class NoSuchChain(Exception):
 
 MOST_KEPT = 8
 """Number of cached descriptions; a run reads its robot several times, and looks at the bundled ones."""
-_kept: dict[tuple[Path, bytes], Urdf] = {}
+_kept: Latest[tuple[Path, bytes], Urdf] = Latest(MOST_KEPT)
 
 
 def read_urdf(path: Path) -> Urdf:
@@ -158,8 +159,6 @@ def read_urdf(path: Path) -> Urdf:
     root = checker.check()
     joints = _with_followed_limits({element.get("name", ""): _joint(element) for element in robot.findall("joint")})
     found = Urdf(path, content, robot, root, joints, (*checker.endless(), *checker.colours), tuple(checker.gaps))
-    while len(_kept) >= MOST_KEPT:
-        del _kept[next(iter(_kept))]
     _kept[path, content] = found
     return found
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import field, replace
 
 from planlang.closure import grouped
-from planlang.ontology import BNode, Ontology, Term
+from planlang.ontology import Ontology
 from planlang.ontology.classes import twin
 from planlang.ontology.expression_text import expression_of
 from planlang.ontology.expressions import Expression
@@ -107,7 +107,7 @@ def _read_class_axioms(ontology: Ontology, found: Axioms) -> None:
     for word, kind in ((OWL.intersectionOf, "and"), (OWL.unionOf, "or")):
         for triple in ontology.triples(p=word):
             if isinstance(triple.subject, str):
-                parts = tuple(expression_of(ontology, one, triple.span) for one in _items(ontology, triple.object))
+                parts = tuple(expression_of(ontology, one, triple.span) for one in ontology.items(triple.object))
                 known = tuple(one for one in parts if one is not None)
                 name, whole = (
                     Expression("name", triple.span, triple.subject),
@@ -131,14 +131,6 @@ def _include(lower: Expression, upper: Expression, found: Axioms) -> None:
             found.state(below, implied)
 
 
-def _items(ontology: Ontology, cell: Term) -> Iterator[Term]:
-    seen = set()
-    while isinstance(cell, BNode) and cell not in seen:
-        seen.add(cell)
-        yield from ontology.values(cell, RDF.first)
-        cell = ontology.value(cell, RDF.rest) or RDF.nil
-
-
 def _read_property_axioms(ontology: Ontology, found: Axioms, known: Ontology) -> None:
     for name in ontology.store.terms:
         other = twin(name) if isinstance(name, str) and name.startswith(ROBOEARTH) else None
@@ -153,7 +145,7 @@ def _read_property_axioms(ontology: Ontology, found: Axioms, known: Ontology) ->
         prop = str(triple.subject)
         found.chains.append((prop, prop, prop))
     for triple in ontology.triples(p=OWL.propertyChainAxiom):
-        parts = list(_items(ontology, triple.object))
+        parts = list(ontology.items(triple.object))
         if len(parts) > 1 and all(isinstance(one, str) for one in (triple.subject, *parts)):
             _read_chain(list(map(str, parts)), str(triple.subject), found)
     for p, stated in ((RDFS.domain, found.domains), (RDFS.range, found.ranges)):

@@ -6,12 +6,12 @@ import threading
 from array import array
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from difflib import get_close_matches
 from itertools import chain
 
 from planlang.closure import grouped
 from planlang.designators import local_part
 from planlang.ontology.terms import OWL
+from planlang.spelling import similar
 
 LONGEST_GUESSED = 80
 """Longest name for which suggestions are searched [characters]."""
@@ -89,7 +89,7 @@ class Names:
                 if looked_at >= MOST_LOOKED_AT:
                     break
         best = sorted(shared, key=lambda one: (-shared[one], abs(len(self._all[one]) - len(name)), self._all[one]))
-        return get_close_matches(name, [self._all[one] for one in best[:MOST_COMPARED]], n=MOST_SIMILAR)
+        return similar(name, (self._all[one] for one in best[:MOST_COMPARED]), n=MOST_SIMILAR)
 
 
 def _pairs(name: str) -> set[str]:

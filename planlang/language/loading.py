@@ -1,10 +1,10 @@
-"""Loading of plans as modules; their calls of the plan language are checked against its signatures."""
+"""Loading of a user's files as modules; in plans, calls of the plan language are checked against its signatures."""
 
 from __future__ import annotations
 
 import inspect
 import linecache
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.machinery import ModuleSpec
 from importlib.util import module_from_spec
 from pathlib import Path
@@ -22,21 +22,41 @@ def load_plan(source: PlanSource, name: str | None = None) -> ModuleType:
     where they are not reached.
     """
     file = source.file
-    module = module_from_spec(ModuleSpec(name or f"planlang_run_{source.path.stem}", None, origin=file))
-    module.__file__ = file
+    module = new_module(name or f"planlang_run_{source.path.stem}", file)
     if source.is_in_memory:  # tracebacks look here for lines; without a time, nobody asks whether the file has changed
         linecache.cache[file] = len(source.text), None, source.text.splitlines(keepends=True), file
-    try:
-        exec(compile(source.content, file, "exec", dont_inherit=True), vars(module))
-    except (Exception, SystemExit) as problem:
-        message = f"the plan cannot be imported: {type(problem).__name__}: {problem}"
+
+    def advice(problem: BaseException) -> Text | None:
         own = isinstance(problem, ImportError) and (problem.name or "").partition(".")[0] == "planlang"
-        advice = _advice(source) if own or isinstance(problem, TypeError) else None
-        raise BadInput([error("X001", message, Span(file, line_in(problem, file) or 1), advice)]) from problem
+        return _advice(source) if own or isinstance(problem, TypeError) else None
+
+    execute(module, source.content, "X001", "the plan", advice)
     misfits = list(_misfits(source, module))
     if misfits:
         raise BadInput(misfits)
     return module
+
+
+def new_module(name: str, file: str) -> ModuleType:
+    """Make the module of a user's file, which is still to be executed."""
+    module = module_from_spec(ModuleSpec(name, None, origin=file))
+    module.__file__ = file
+    return module
+
+
+def execute(
+    module: ModuleType, content: bytes, code: str, what: str, advice: Callable[[BaseException], str | None]
+) -> None:
+    """Execute the content of a user's file in its module.
+
+    If that fails, raises BadInput with a code, the line, and advice about the exception; ``what`` names the file.
+    """
+    file = str(module.__file__)
+    try:
+        exec(compile(content, file, "exec", dont_inherit=True), vars(module))
+    except (Exception, SystemExit) as problem:
+        message = f"{what} cannot be imported: {type(problem).__name__}: {problem}"
+        raise BadInput([error(code, message, Span(file, line_in(problem, file) or 1), advice(problem))]) from problem
 
 
 def _misfits(source: PlanSource, module: ModuleType) -> Iterator[Diagnostic]:
@@ -59,7 +79,7 @@ def _misfits(source: PlanSource, module: ModuleType) -> Iterator[Diagnostic]:
             yield error("X001", message, Span(source.file, call.line, call.column), _advice(source))
 
 
-def _advice(source: PlanSource) -> str | None:
+def _advice(source: PlanSource) -> Text | None:
     """How to update a plan that an earlier version compiled; None for a plan written by hand."""
     if source.header is None:
         return None

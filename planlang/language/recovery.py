@@ -15,6 +15,7 @@ from planlang.kernel.primitives import called, node, record
 from planlang.language.branches import evaporating
 from planlang.language.budgets import take_attempt
 from planlang.misuse import Usage, WrongType, WrongValue, contrast, is_iterable, takes, written
+from planlang.plan_failure import each_once, links_of
 from planlang.records import dataclass
 
 if TYPE_CHECKING:
@@ -323,17 +324,22 @@ def explain(failure: BaseException) -> str:
     """
     _EXPLAIN.instance("failure", failure, BaseException, "a failure, or another exception")
     lines: list[str] = []
-    runs = _causal_runs(list(failure.chain()) if isinstance(failure, PlanFailure) else [failure])
+    runs = _causal_runs(links_of(failure))
     depth = 0
     for run in runs:
         for link in run:
             lead = "because of " if link is not run[0] else "after " if depth else ""
             lines.extend(_explain_one(link, lead, "  " * depth))
             depth += 1
-    reasons = (link.because() for link in runs[0][1:] if isinstance(link, LocationUnresolvable))
-    if (sentence := next(filter(None, reasons), "")) and sentence not in lines[0]:
+    if (sentence := why_unresolvable(runs[0][1:])) and sentence not in lines[0]:
         lines[0] += f"; {sentence}"
     return "\n".join(lines)
+
+
+def why_unresolvable(links: Iterable[BaseException]) -> str:
+    """Reason of the first location among failures that could not be found, as a sentence; "" if none tells one."""
+    reasons = (link.because() for link in links if isinstance(link, LocationUnresolvable))
+    return next(filter(None, reasons), "")
 
 
 def _causal_runs(links: list[BaseException]) -> list[list[BaseException]]:
@@ -344,7 +350,7 @@ def _causal_runs(links: list[BaseException]) -> list[list[BaseException]]:
             runs[-1].append(link)
         else:
             runs.append([link])
-    return [list({(type(link), str(link)): link for link in reversed(run)}.values())[::-1] for run in runs]
+    return [each_once(run) for run in runs]
 
 
 def _explain_one(link: BaseException, lead: str, indent: str) -> Iterator[str]:

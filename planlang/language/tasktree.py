@@ -10,6 +10,7 @@ from typing import Any
 
 from planlang.misuse import Usage
 from planlang.runs import DamagedTrace, RecordedRun, RunTree, TaskNode, Trace
+from planlang.visible import for_dot, for_mermaid
 
 _OF = Usage("TaskTree.of", {"trace": "trace"})
 _READ = Usage("TaskTree.read", {"path": '"run.jsonl"'})
@@ -75,7 +76,7 @@ class TaskTree(RunTree):
         numbers = {node: number for number, node in enumerate(self)}
         lines = ["digraph plan {", '  node [shape=box, style=filled, fontname="sans-serif"];']
         for node, number in numbers.items():
-            label = "\\n".join(_dot_text(line) for line in _lines(node))
+            label = for_dot("\n".join(_lines(node)))
             lines.append(f'  n{number} [label="{label}", fillcolor="{_COLOURS[node.status]}"];')
         lines += [f"  n{numbers[node.parent]} -> n{number};" for node, number in numbers.items() if node.parent]
         return "\n".join([*lines, "}", ""])
@@ -86,7 +87,7 @@ class TaskTree(RunTree):
         lines = ["flowchart TD"]
         lines += [f"  classDef {status} fill:{colour},color:#000" for status, colour in _COLOURS.items()]
         for node, number in numbers.items():
-            label = "<br>".join(_mermaid_text(line) for line in _lines(node))
+            label = for_mermaid("\n".join(_lines(node)))
             lines.append(f'  n{number}["{label}"]:::{node.status}')
         lines += [f"  n{numbers[node.parent]} --> n{number}" for node, number in numbers.items() if node.parent]
         return "\n".join([*lines, ""])
@@ -128,14 +129,3 @@ def _lines(node: TaskNode) -> Iterator[str]:
         yield f"{node.status} {node.start:g}-{'' if node.end is None else format(node.end, 'g')} s"
     if node.failure is not None:
         yield node.reason
-
-
-def _dot_text(text: str) -> str:
-    return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
-
-
-def _mermaid_text(text: str) -> str:
-    """Escape all characters but letters, digits and those without meaning in Mermaid as numeric entities."""
-    return "".join(
-        char if char.isalnum() or char in " _-.,:/()" else "<br>" if char == "\n" else f"#{ord(char)};" for char in text
-    )

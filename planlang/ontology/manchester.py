@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from difflib import get_close_matches
 
 from lark import UnexpectedInput
 
@@ -14,6 +13,7 @@ from planlang.ontology.frames import Frames
 from planlang.ontology.parsing import Grammar, unexpected, where, word_at
 from planlang.ontology.terms import OWL, RDF, RDFS, XSD, expand, is_vocabulary, resolve
 from planlang.ontology.triples import Parsed
+from planlang.spelling import guess, similar
 
 FRAME_WORDS = (
     "Class:", "ObjectProperty:", "DataProperty:", "AnnotationProperty:", "Datatype:", "Individual:",
@@ -48,9 +48,8 @@ def explain(problem: UnexpectedInput, text: str, offset: int, file: str) -> Diag
         other = "" if begins_line or "some" not in spoken else ", or a word such as some,"
         message = f"a comma{other} is missing before {word[:40]}"
         return error("O020", message, position_of(text, offset, file), f"write `, {word[:40]}`")
-    similar = get_close_matches(found, (*keywords, *FRAME_WORDS), n=1, cutoff=0.75)
-    guess = f"did you mean {similar[0]}? " if similar and similar[0] != found else ""
-    return error("O020", message, position_of(text, offset, file), f"{guess}expected: {_phrase(keywords, spoken)}")
+    guessed = guess(found, {*keywords, *FRAME_WORDS} - {found}, least=0.75)
+    return error("O020", message, position_of(text, offset, file), f"{guessed}expected: {_phrase(keywords, spoken)}")
 
 
 def _mends(sign: str, text: str, offset: int) -> bool:
@@ -198,9 +197,9 @@ class _Names:
             iri = self._iri(name)
             if iri is None:
                 prefix = name.partition(":")[0]
-                similar = get_close_matches(prefix, self.prefixes, n=1)
-                guess = f"did you mean {similar[0]}:? " if similar and similar[0] else ""
-                advice = f"{guess}declare it: Prefix: {prefix}: <http://...#>"
+                alike = similar(prefix, self.prefixes)
+                guessed = f"did you mean {alike[0]}:? " if alike else ""
+                advice = f"{guessed}declare it: Prefix: {prefix}: <http://...#>"
                 self.problems.append(error("O021", f"unknown prefix {prefix}: in {name}", span, advice))
                 iri = self._own + name
             self._known[name] = iri

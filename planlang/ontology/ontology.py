@@ -22,6 +22,7 @@ from planlang.ontology.classes import (
     conjuncts,
     disjuncts,
     edges,
+    items,
     namesakes,
     restrictions_of,
     twin,
@@ -262,6 +263,11 @@ class Ontology:
     def value(self, s: str | BNode, p: str) -> Term | None:
         """First value of a property, or None."""
         return next(iter(self.values(s, p)), None)
+
+    def items(self, cell: Term) -> Iterator[Term]:
+        """Yield the items of an RDF list; a cyclic list ends before its first repeated cell."""
+        number = self._number(cell)
+        return iter(()) if number is None else map(self.store.term, items(self.store, number))
 
     def iris(self, s: str | BNode, p: str) -> tuple[str, ...]:
         """IRIs among the values of a property, in document order, each once."""

@@ -11,7 +11,6 @@ import io
 import re
 import sys
 from collections.abc import Iterator
-from difflib import get_close_matches
 from itertools import repeat
 from typing import Any
 
@@ -22,6 +21,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error, warning
 from planlang.files import decode, offset_of, position_of
 from planlang.ontology.terms import PREFIXES, XSD, BNode, Literal
 from planlang.ontology.triples import MOST_TRIPLES, Parsed, Triples
+from planlang.spelling import guess, similar
 
 DEEPEST = 100
 """Greatest nesting depth of blank nodes and lists."""
@@ -237,9 +237,8 @@ class _Reader:
             if other in _GRAPHS and (other == "{" or _QUAD.fullmatch(text.split("\n")[span.line - 1])):
                 self._error("O020", f"unexpected {found}", span, _GRAPHS[other])
                 return
-            similar = get_close_matches(found, ("@prefix", "@base"), n=1, cutoff=0.75)
-            guess = f"did you mean {similar[0]}? " if similar and similar[0] != found else ""
-            self._error("O020", f"unexpected {found}", span, f"{guess}expected: {expected}")
+            guessed = guess(found, {"@prefix", "@base"} - {found}, least=0.75)
+            self._error("O020", f"unexpected {found}", span, f"{guessed}expected: {expected}")
         elif "scape" in reason:
             advice = r"write \\ for a backslash in a string; an IRI allows only \uXXXX and \UXXXXXXXX"
             self._error("O020", f"invalid escape sequence: {reason}", span, advice)
@@ -249,9 +248,9 @@ class _Reader:
     def _unknown_prefix(self, prefix: str, found: str, span: Span) -> None:
         if prefix not in self._unknown:
             self._unknown.add(prefix)
-            similar = get_close_matches(prefix, (*self.prefixes, *PREFIXES), n=1)
-            guess = f"did you mean {similar[0]}:? " if similar and similar[0] else ""
-            advice = f"{guess}declare it: @prefix {prefix}: <http://...#> ."
+            alike = similar(prefix, (*self.prefixes, *PREFIXES))
+            guessed = f"did you mean {alike[0]}:? " if alike else ""
+            advice = f"{guessed}declare it: @prefix {prefix}: <http://...#> ."
             self._error("O021", f"unknown prefix {prefix}: in {found}", span, advice)
 
     # triples

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from difflib import SequenceMatcher, get_close_matches
+from difflib import SequenceMatcher
 from functools import cache
 from pathlib import Path
 
@@ -30,6 +30,7 @@ from planlang.phrases.lexicon import (
     viewpoints,
 )
 from planlang.relations import RELATIONS, measured
+from planlang.spelling import similar
 
 _COMMENT = re.compile(r"<[^<>\s]*>|\w[\w+.-]*://[^\s<>(),]*|(#[^\n]*)")
 
@@ -290,7 +291,7 @@ def explain(problem: UnexpectedInput, phrase: str, file: str) -> Diagnostic:
     begun = _clause_before(phrase, offset)
     if begun is not None and "WORD" in expected:
         said = re.sub(rf"\s+({'|'.join(ARTICLES)})$", "", phrase[begun:offset].strip(), flags=re.IGNORECASE)
-        alike = get_close_matches(plain(said), list(forms()), n=1, cutoff=_ALIKE)
+        alike = similar(plain(said), forms(), least=_ALIKE)
         if alike and alike[0] != plain(said) and plain(said) not in opposites():
             return _unknown_relation(said, alike[0], _span(phrase, begun, file))
     found = "the phrase ends" if at_end else f"unexpected {phrase[offset:].split()[0]!r}"
@@ -310,7 +311,7 @@ def unknown_noun(
     parts = words.split()
     for number in range(1, len(parts)):
         whole = f"{relation} {' '.join(parts[:number])}"
-        alike = get_close_matches(plain(whole), list(forms()), n=1, cutoff=0.8)
+        alike = similar(plain(whole), forms(), least=0.8)
         if alike and alike[0] != plain(relation):
             return _unknown_relation(whole, alike[0], _at(said, file))
     inner = next((form for form in forms() if f" {form} " in f" {plain(words)} "), None)
@@ -328,7 +329,7 @@ def unknown_noun(
 
 def unknown_device(words: str, noun: Tree[Token], file: str) -> Diagnostic:
     """Explain a noun after "with" that is not an arm."""
-    close = get_close_matches(plain(words), list(DEVICES), n=1, cutoff=_ALIKE)
+    close = similar(plain(words), DEVICES, least=_ALIKE)
     guess = f"did you mean {close[0]!r}? " if close else ""
     return error("P002", f"{words!r} is not an arm of a robot", _at(noun, file), f"{guess}arms: {', '.join(DEVICES)}")
 

@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import heapq
 from bisect import bisect_left
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Generic, TypeVar
 
-from planlang.closure import grouped, reached
+from planlang.closure import grouped, leads_to, reached
 from planlang.kept import kept
 from planlang.recipe import graphs as nx
 from planlang.recipe.actions import Actions, Movers
@@ -176,11 +176,6 @@ def order_graph(nodes: Iterable[Node], orderings: Iterable[tuple[Node, Node]]) -
     return graph
 
 
-def leads_to(follows: Mapping[Node, Iterable[Node]], start: Node, goal: Node) -> bool:
-    """True if a path leads from one step to another."""
-    return goal in reached((start,), lambda step: follows.get(step, ()))
-
-
 @kept
 def recipe_order(recipe: Recipe) -> Precedence[str]:
     """Partial order of a recipe, computed once. Raises ValueError if it has a cycle."""
@@ -298,7 +293,7 @@ class Intervals:
         Meaningless if there is a contradiction.
         """
         for first in self._steps:
-            later = nx.descendants(self._graph, Point(first, True))
+            later = set(reached((Point(first, True),), self._graph.successors))
             yield from ((first, other) for other in self._steps if other != first and Point(other, False) in later)
 
     def _add(
@@ -316,10 +311,8 @@ def implied_by_overlaps(recipe: Recipe) -> Iterable[tuple[str, str]]:
     intervals = Intervals(recipe)
     if intervals.contradiction():
         return ()
-    graph = nx.DiGraph((ordering.before, ordering.after) for ordering in recipe.orderings)
-    graph.add_nodes_from(step.iri for step in recipe.steps)
-    graph.remove_nodes_from(recipe.phases)
-    return [pair for pair in intervals.implied() if not nx.has_path(graph, *pair)]
+    stated = recipe_order(recipe)
+    return [pair for pair in intervals.implied() if not stated.before(*pair)]
 
 
 @dataclass(frozen=True, slots=True)

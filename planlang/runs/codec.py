@@ -36,7 +36,7 @@ from planlang.designators import (
 )
 from planlang.failures import CompositeFailure
 from planlang.misuse import PlanStructureError
-from planlang.plan_failure import PlanFailure, Where, attach_cleanup
+from planlang.plan_failure import PlanFailure, Where, attach_cleanup, links_of
 
 DEEPEST = 50
 """Maximum nesting of lossless values, well below Python's recursion limit."""
@@ -383,9 +383,8 @@ def _encode_object(value: object, depth: int) -> Any:
 
 def _encode_failure(error: BaseException) -> dict[str, Any]:
     """Type, message, place, members and causes of an exception."""
-    links = list(error.chain()) if isinstance(error, PlanFailure) else [error]
     outer: dict[str, Any] | None = None
-    for link in reversed(links):
+    for link in reversed(links_of(error)):
         record: dict[str, Any] = {"type": type(link).__name__, "message": _shortened(str(link))}
         if isinstance(link, PlanFailure):
             if link.where is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from planlang.compiler.drawing.task_graph import LONGEST_LINE, Arrow, Box, Group, Order, TaskGraph, shown
+from planlang.visible import for_dot, for_mermaid
 
 _ATTRIBUTES = """\
     compound=true; rankdir=TB; newrank=true; nodesep=0.35; ranksep=0.45;
@@ -87,14 +88,6 @@ def _end(box: Box, index: int) -> str:
     return box.key
 
 
-def for_dot(text: str) -> str:
-    """Escape text for a quoted string of Graphviz, which interprets escapes and HTML entities in labels."""
-    return text.replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"')
-
-
-_PLAIN = frozenset(" _-.,/=+")
-"""Characters without a meaning in Mermaid."""
-
 _LINKS = {Order.STATED: "-->", Order.ADDED: "-.->", Order.TRANSITION: "-->", Order.OVERLAP: "-.-"}
 
 
@@ -136,8 +129,3 @@ def _flowchart_box(box: Box, indent: str) -> Iterator[str]:
             yield from _flowchart_group(group, indent + "        ")
             yield f"{indent}    end"
     yield f"{indent}end"
-
-
-def for_mermaid(text: str) -> str:
-    """Quote text for a label of Mermaid; characters of its syntax or of HTML become character codes."""
-    return "".join(c if c.isalnum() or c in _PLAIN else f"#{ord(c)};" for c in text)

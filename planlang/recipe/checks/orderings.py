@@ -12,7 +12,7 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
-from planlang.closure import grouped
+from planlang.closure import grouped, leads_to
 from planlang.designators import local_name, local_part, told_apart
 from planlang.diagnostics import Diagnostic, Order, Span, error, note, warning
 from planlang.kept import kept
@@ -24,7 +24,7 @@ from planlang.recipe.checks import CheckedRecipe, check
 from planlang.recipe.checks.joints import joints
 from planlang.recipe.guesses import guess
 from planlang.recipe.model import Ordering, Overlap, Reason, Recipe, Step
-from planlang.recipe.order import Intervals, Precedence, leads_to, recipe_cycle, recipe_order
+from planlang.recipe.order import Intervals, Precedence, recipe_cycle, recipe_order
 from planlang.recipe.preconditions import Preconditions, iris_in
 from planlang.recipe.statements import LooseEnd, Statements
 from planlang.records import dataclass

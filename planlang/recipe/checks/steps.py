@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from difflib import get_close_matches
 
-from planlang.closure import reached
+from planlang.closure import grouped, reached
 from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Span, error, note, warning
 from planlang.kept import kept
@@ -21,6 +20,7 @@ from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
 from planlang.recipe.guesses import LIKE, SURE, Known, classes_beside, nearest_action
 from planlang.recipe.model import Ending, Recipe, RecipeSet, Step, Transition
 from planlang.recipe.statements import Statements, SubAction, is_word
+from planlang.spelling import Spellings
 from planlang.words import Text, calling
 
 MOST_ABOVE = 2
@@ -208,7 +208,7 @@ def _performers_to_add(checked: CheckedRecipe, cls: str) -> str:
 
 _WORDS = ("dependsOnCapability", "dependsOnComponent", "hasCapabilityDependency")
 _UPPER = {"dependsOnCapability": "Capability", "hasCapabilityDependency": "Capability"}
-_ENDINGS = ("Capability", "Component")
+_ENDINGS = Spellings(("Capability", "Component"))
 _NO_COMPONENTS = ("Capability", "Action", "Event")
 _LAST_PART = re.compile(r"(?<=.)[A-Z][a-z]+$")
 _DISJOINT = "http://www.w3.org/2002/07/owl#disjointWith"
@@ -271,7 +271,7 @@ def _alternatives(ontology: Ontology, word: str, ending: str) -> Known:
 def _ending(name: str) -> str:
     """Uninformative ending of a name, such as Capability, even if misspelt; empty for other names."""
     last = _LAST_PART.search(local_name(name))
-    return next(iter(get_close_matches(last[0], _ENDINGS, n=1, cutoff=0.8)), "") if last else ""
+    return next(iter(_ENDINGS.similar(last[0], least=0.8)), "") if last else ""
 
 
 def _telling(name: str) -> str:
@@ -394,9 +394,8 @@ def unreachable_states(checked: CheckedRecipe) -> Iterator[Diagnostic]:
     machine, recipe = checked.recipe.machine, checked.recipe
     if machine is None:
         return
-    graph = nx.DiGraph((one.source, one.target) for one in machine.transitions)
-    graph.add_node(machine.start)
-    entered = {machine.start, *nx.descendants(graph, machine.start)}
+    follows = grouped((one.source, one.target) for one in machine.transitions)
+    entered = set(reached((machine.start,), lambda state: follows.get(state, ())))
     lost = [step for step in recipe.steps if step.iri not in entered]
     for step in lost:
         if step.iri in machine.ends and not entered & set(machine.ends):

@@ -13,12 +13,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 
+from planlang.closure import grouped, leads_to
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, error
 from planlang.kept import kept
 from planlang.ontology import BNode, Literal, Ontology, expand, shorten
 from planlang.ontology.terms import OWL
-from planlang.recipe import graphs as nx
 from planlang.recipe.fillers import fillings
 from planlang.recipe.model import Flow, Ordering, Reason
 from planlang.recipe.readers import action_table, finite_state, partial_order, workflow
@@ -58,14 +58,13 @@ def _orders(statements: Statements, flows: tuple[Flow, ...]) -> Iterator[Orderin
     """
     if not flows:
         return
-    graph = nx.DiGraph((ordering.before, ordering.after) for ordering in statements.orderings)
+    follows = grouped((ordering.before, ordering.after) for ordering in statements.orderings)
     for flow in sorted(flows, key=lambda flow: flow.iri is None):
-        ends = (flow.producer, flow.consumer)
-        graph.add_nodes_from(ends)
-        if flow.iri is None and (graph.has_edge(*ends) or nx.has_path(graph, *ends[::-1])):
+        before, after = flow.producer, flow.consumer
+        if flow.iri is None and (after in follows.get(before, ()) or leads_to(follows, after, before)):
             continue
-        graph.add_edge(*ends)
-        yield Ordering(*ends, flow.iri, Reason.DATA_FLOW, flow.span)
+        follows.setdefault(before, []).append(after)
+        yield Ordering(before, after, flow.iri, Reason.DATA_FLOW, flow.span)
 
 
 def created_individuals(ontology: Ontology, statements: Statements) -> frozenset[str]:

@@ -138,6 +138,8 @@ def test_what_a_file_cannot_be_shown_as_is_refused_with_what_it_can(trace: Path,
     result = invoke("show", trace, "-o", tmp_path / "run.png")
     assert (result.exit_code, ".html" in result.stderr) == (2, True)
     assert invoke("show", "hospital_room", "--view", "top").exit_code == 2
+    wrong = invoke("show", "hospital_room", "--view", "left", "-o", tmp_path / "room.png")
+    assert (wrong.exit_code, "--view left: write X,Y,Z or X,Y,Z:X,Y,Z" in wrong.stderr) == (2, True)
     assert not (tmp_path / "run.png").exists()
 
 

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from executive.options.declaring import is_view
+from executive.options.declaring import view as checked
 from executive.pictures.rendering import View
 from executive.pictures.scene_picture import picture, save_picture
 from executive.pictures.stage import Stage
 from executive.pictures.viewpoints import subjects, view_of
+from planlang.diagnostics import WrongOption
 from planlang.files import bundled
 from planlang.geometry import Pose
 from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
@@ -96,8 +97,11 @@ def test_of_walls_before_the_room_only_their_lower_edges_are_drawn(world: PyBull
 
 
 def test_a_view_is_a_name_or_one_or_two_points(world: PyBulletWorld) -> None:
-    assert all(map(is_view, ("overview", "top", "1,2,3", "1,2,3:0,0,0.5")))
-    assert not any(map(is_view, ("", "left", "1,2", "1,2,3:1,2,3", "1,2,nan", "1,2,3:4,5,6:7,8,9")))
+    for view in ("overview", "top", "1,2,3", "1,2,3:0,0,0.5"):
+        assert checked(view) == view
+    for view in ("", "left", "1,2", "1,2,3:1,2,3", "1,2,nan", "1,2,3:4,5,6:7,8,9"):
+        with pytest.raises(WrongOption, match="write X,Y,Z"):
+            checked(view)
     close = picture(world, ["bottle"], view="0.2,0,1:0.9,0,0.8", size=SMALL)
     assert _red(close) > 5 * _red(picture(world, view="overview", size=SMALL)) > 0
 

@@ -165,14 +165,14 @@ def test_json_lines_have_one_object_per_node_parents_first_with_keys_in_a_fixed_
 
 
 async def odd() -> None:
-    raise PlanFailure('a "quoted" \\ message\nin two lines; with <b>, #35; and ]')
+    raise PlanFailure('a "quoted" \\ message\nin two lines; with <b>, #35; & ]')
 
 
 def test_dot_quotes_what_would_end_a_label() -> None:
     text = tree_of(partial(par, odd)).dot()
     assert text.startswith("digraph plan {")
     assert (
-        r'label="odd\nfailed 0-0 s\nPlanFailure: a \"quoted\" \\ message\nin two lines; with <b>, #35; and ]"' in text
+        r'label="odd\nfailed 0-0 s\nPlanFailure: a \"quoted\" \\ message\nin two lines; with <b>, #35; &amp; ]"' in text
     )
     assert "  n0 -> n1;\n  n1 -> n2;\n}\n" in text
 
@@ -181,8 +181,8 @@ def test_mermaid_writes_signs_with_a_meaning_as_entities() -> None:
     text = tree_of(partial(par, odd)).mermaid()
     assert text.startswith("flowchart TD\n")
     assert (
-        'n2["odd<br>failed 0-0 s<br>PlanFailure: a #34;quoted#34; #92; message<br>'
-        'in two lines#59; with #60;b#62;, #35;35#59; and #93;"]:::failed' in text
+        'n2["odd<br/>failed 0-0 s<br/>PlanFailure: a #34;quoted#34; #92; message<br/>'
+        'in two lines#59; with #60;b#62;, #35;35#59; #38; #93;"]:::failed' in text
     )
     assert "  n0 --> n1\n  n1 --> n2\n" in text
 
