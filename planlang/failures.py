@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import field
 from typing import ClassVar
 
+from planlang.closure import grouped
 from planlang.designators import Object
 from planlang.plan_failure import PlanFailure as PlanFailure
 from planlang.plan_failure import Where as Where
@@ -373,9 +374,8 @@ class HandsLacking(LocationUnresolvable):
 
     def because(self) -> str:
         """``tray1 takes 2 hands, 1 is there for it``."""
-        there = f"{'1 is' if self.hands == 1 else f'{self.hands} are'} there for it"
-        if self.alone:
-            there = "and was asked of one alone (PickingUpAnObject takes it with all)"
+        alone = "and was asked of one alone (PickingUpAnObject takes it with all)"
+        there = alone if self.alone else f"{self.hands} {'is' if self.hands == 1 else 'are'} there for it"
         return f"{self.what} takes {self.needed} hands, {there}"
 
 
@@ -388,13 +388,8 @@ class HandsFull(LocationUnresolvable):
 
     def because(self) -> str:
         """``no hand is free for glass1: arm holds bottle1; put it down first``."""
-        hands: dict[Object, list[str]] = {}
-        for hand, thing in self.held.items():
-            hands.setdefault(thing, []).append(hand)
-        full = ", ".join(
-            f"{' and '.join(holding)} {'holds' if len(holding) == 1 else 'hold'} {thing}"
-            for thing, holding in hands.items()
-        )
+        hands = grouped((thing, hand) for hand, thing in self.held.items())
+        full = ", ".join(f"{' and '.join(one)} hold{'' if one[1:] else 's'} {thing}" for thing, one in hands.items())
         return f"no hand is free for {self.what}: {full}; put {'it' if len(hands) == 1 else 'one'} down first"
 
 
@@ -465,8 +460,7 @@ class BudgetExceeded(PlanFailure):
         allowed += [] if self.attempts is None else [f"{self.attempts} attempts"]
         parts = [f"{part} {seconds:g} s" for part, seconds in self.spent.items()]
         parts += [f"{construct} again {number} times" for construct, number in self.used.items()]
-        text = f"the budget of {' and '.join(allowed)} is used up"
-        return f"{text}: {', '.join(parts)}" if parts else text
+        return f"the budget of {' and '.join(allowed)} is used up{': ' if parts else ''}{', '.join(parts)}"
 
 
 @dataclass(eq=False, repr=False)
