@@ -14,8 +14,7 @@ from executive.belief.memory import VISION, BasePose, Knowledge, Memory, Recogni
 from executive.belief.obstacles import NAMES
 from executive.maps.classes import MapObject, is_kind
 from executive.maps.contents import is_content
-from executive.maps.semantic_map import SemanticMap, namesakes
-from executive.maps.statements import namespace_of
+from executive.maps.semantic_map import SemanticMap, namesakes, namespace_of
 from planlang.designators import Object, unused_name
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.geometry import Pose

@@ -90,6 +90,11 @@ class SemanticMap:
         return self._holders.get(thing.iri)
 
 
+def namespace_of(map_iri: str | None) -> str:
+    """Make the namespace of what is added to a map."""
+    return f"{(map_iri or 'http://planlang.org/kb/map.owl').rstrip('#')}#"
+
+
 def read_map(ontology: Ontology, *, ignore_unread: bool = False) -> SemanticMap:
     """Read the map that an ontology states.
 

@@ -9,7 +9,7 @@ from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from executive.maps.semantic_map import PosesOfThings, SemanticMap
+from executive.maps.semantic_map import PosesOfThings, SemanticMap, namespace_of
 from planlang.designators import local_name, unused_name
 from planlang.diagnostics import Diagnostic, Span, warning
 from planlang.geometry import Pose
@@ -97,11 +97,6 @@ def with_one_header(files: Sequence[Sequence[Triple]]) -> Iterator[list[Triple]]
 
 def _is_header(triple: Triple) -> bool:
     return triple.predicate == RDF.type and triple.object == OWL.Ontology
-
-
-def namespace_of(map_iri: str | None) -> str:
-    """Make the namespace of what is added to a map."""
-    return f"{(map_iri or 'http://planlang.org/kb/map.owl').rstrip('#')}#"
 
 
 def with_placements(
