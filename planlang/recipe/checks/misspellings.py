@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from difflib import get_close_matches
 from functools import cached_property
 
 from planlang.closure import grouped
@@ -34,7 +35,6 @@ from planlang.recipe.statements import (
     words_of,
 )
 from planlang.relations import owl_properties
-from planlang.spelling import similar
 
 _W3C = (OWL, RDF, RDFS, XSD)
 _NAMING = (
@@ -199,7 +199,7 @@ def _properties(ontology: Ontology, names: _Names) -> Iterator[Diagnostic]:
         space, short = _space(written), local_name(written)
         if space not in names.spaces_of_words:
             continue
-        near = neighbours.of(short) or similar(short, recipe_words, n=2, least=SURE)
+        near = neighbours.of(short) or get_close_matches(short, recipe_words, n=2, cutoff=SURE)
         if not near and _relates_tasks(ontology, written):
             plain = short.lower().removeprefix("interval").removeprefix("temporally")
             before = short[: len(short) - len(plain)]
@@ -294,7 +294,7 @@ def _outcome(ontology: Ontology, outcome: str, span: Span) -> Iterator[Diagnosti
     for word in words_of(outcome):
         if word.lower() not in (*_OUTCOMES, *_WORDS_OF_THEIR_OWN):
             near = Neighbours(_OUTCOMES).of(word.lower())
-            near = near or similar(word.lower(), _OUTCOMES, n=len(_OUTCOMES), least=_SURE_OUTCOME)
+            near = near or get_close_matches(word.lower(), _OUTCOMES, n=len(_OUTCOMES), cutoff=_SURE_OUTCOME)
             meanings = {_OUTCOMES[one]: one for one in sorted(near, key=list(_OUTCOMES).index, reverse=True)}
             readings = [
                 reading.replace(word, _cased(one, word), 1)
