@@ -192,7 +192,9 @@ def _imported(path: Path) -> ModuleType:
 
 
 def _renamed(problem: BaseException) -> str | None:
-    """Suggest the import that replaces a renamed one."""
+    """Suggest the import that replaces a renamed one, or that lets annotations name what is not imported."""
+    if isinstance(problem, NameError):
+        return "from __future__ import annotations    # if the name stands in an annotation alone"
     if not isinstance(problem, ImportError):
         return None
     if problem.name == "planlang.protocols" and "'World'" in problem.msg:

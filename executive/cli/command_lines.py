@@ -92,8 +92,16 @@ def _type(kind: Any, least: Any, most: Any) -> Any:
     if isinstance(kind, type) and issubclass(kind, Enum):
         return _Choice(kind)
     if kind in (int, float) and (least, most) != (None, None):
-        return (click.IntRange if kind is int else click.FloatRange)(least, most)
+        return (click.IntRange if kind is int else _Number)(least, most)
     return kind
+
+
+class _Number(click.FloatRange):
+    """Numbers between limits; NaN, which is neither below nor above one, is none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        number = super().convert(value, param, ctx)
+        return self.fail(f"{value!r} is not a number", param, ctx) if number != number else number
 
 
 class _Choice(click.Choice[str]):

@@ -138,7 +138,7 @@ def _fix(recipe: RecipeFile, options: CheckOptions) -> CheckResult:
     performed = performed_by_modules(options.modules, module_problems, trust=options.trust)
     checked, content = recipe.path, recipe.content
     if fixed.done:
-        written = fixed.after.encode(fixed.encoding)
+        written = fixed.content
         if output is None and target.exists() and target.read_bytes() != written:
             advice = Text("remove it, or overwrite it with ", Option("output", target), " and ", Option("force", True))
             raise BadInput([error("C005", f"{target} exists with other contents", help=advice)])

@@ -18,6 +18,7 @@ from typing import Generic, TypeVar
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.belief.scene_part import Kept
+from executive.locations.changes import with_supports
 from executive.locations.demands import (
     BaseDemand,
     base_demand,
@@ -179,12 +180,17 @@ class Resolver:
 
         More than one if all of them have to leave.
         """
-        movers = tuple(self.scene.movers())
+        movers = self.movers_beside(location)
         for gone in (*((name,) for name in movers), *([movers] if len(movers) > 1 else [])):
             scene = self.scene.supposing(self.scene.belief.state.placed(dict.fromkeys(gone)))
             if self.is_possible(location, scene):
                 return gone
         return ()
+
+    def movers_beside(self, location: Location) -> tuple[str, ...]:
+        """Name what drives by itself, but for what a location is about: without that it would mean nothing."""
+        needed = with_supports(bodies_meant(location, actions_around(), self.scene), self.scene.bodies)
+        return tuple(name for name in self.scene.movers() if name not in needed)
 
     def is_possible(self, location: Location, scene: PlanningScene | None = None) -> bool:
         """Check quickly whether a location has a base pose, by default in the scene as it is believed."""

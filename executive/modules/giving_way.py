@@ -81,7 +81,7 @@ class Lookout:
         platform, end = self._platform, now() + seconds
         tested: Mapping[str, Pose] | None = None
         while now() < end:
-            for name in sorted(self._poses()):
+            for name in sorted(self._poses().keys() & platform.resolver.movers_beside(location)):
                 if platform.scene.visibility.hidden(platform.base(), name) is not None:
                     platform.belief.not_there(name)
             if self._poses() != tested and platform.resolver.is_possible(location):

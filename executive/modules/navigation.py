@@ -89,7 +89,8 @@ class Navigation(PlatformModule):
             try:
                 return await self._once(goal, lookout)
             except NavigationFailure as failure:
-                if failure.blocked_by not in lookout.others and not self._is_free_without_others(goal):
+                is_closed = self.platform.drive.seconds(goal) is None
+                if failure.blocked_by not in lookout.others and not (is_closed and self._is_free_without_others(goal)):
                     raise
             await lookout.wait()
         await self._once(goal, lookout)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from executive.modules.giving_way import Lookout
 from executive.modules.platform import PlatformModule
-from planlang.designators import Action, Location
+from planlang.designators import Action, FixedPose, Location
 from planlang.failures import ActionUnresolvable, DesignatorFailure
 from planlang.kernel import sleep
 from planlang.language.process_module import process_module
@@ -14,7 +14,7 @@ from planlang.language.process_module import process_module
 class Waiting(PlatformModule):
     """Waits for the duration that the action states; other processes, such as heating, continue.
 
-    With ``to_location``, at most so long, until other robots have left the way to there.
+    With ``to_location``, and other robots in the map, at most so long, until they have left the way to there.
     """
 
     name = "waiting"
@@ -26,8 +26,8 @@ class Waiting(PlatformModule):
         duration = action.get("duration")
         if isinstance(duration, bool) or not isinstance(duration, int | float) or not duration >= 0:
             raise ActionUnresolvable("state a duration of at least 0 seconds to wait for", designator=str(action))
-        match action.get("to_location"):
-            case Location() as where:
-                await Lookout(self.platform).wait_for(where, float(duration))
-            case _:
-                await sleep(float(duration))
+        where, lookout = action.get("to_location"), Lookout(self.platform)
+        if lookout.others and isinstance(where, Location) and not isinstance(where, FixedPose):
+            await lookout.wait_for(where, float(duration))
+        else:
+            await sleep(float(duration))

@@ -121,7 +121,7 @@ class Stated:
             return kind(getattr(given, "value", given))
         if kind in (int, float) and isinstance(given, int | kind) and not isinstance(given, bool):
             least, most = self.declared.least, self.declared.most
-            if (least is not None and given < least) or (most is not None and given > most):
+            if given != given or (least is not None and given < least) or (most is not None and given > most):  # NaN
                 raise ValueError(f"write a number from {least}" + (f" to {most}" if most is not None else " on"))
             return kind(given)
         if kind is bool and isinstance(given, bool):

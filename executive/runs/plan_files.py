@@ -36,7 +36,7 @@ def fixed_recipe(
     diagnostics.extend(note("C017", f"fixed {one.code} {one.message}", Span(str(file.path))) for one in result.done)
     for one, why in result.refused:
         diagnostics.append(warning("C022", f"refused: {one.code} {one.message}; {why}", one.span, why.advice))
-    return result.after.encode(result.encoding)
+    return result.content
 
 
 def compiled(recipe: Ontology, task: str | None, performed: frozenset[str]) -> CompiledPlan:

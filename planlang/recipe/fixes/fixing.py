@@ -27,6 +27,8 @@ from planlang.recipe.reading import read_recipe, read_recipes
 from planlang.records import dataclass
 from planlang.temporary import temporary_folder
 
+_LOST = ("O051", "O052", "O053")
+"""Codes of what a file loses when it is written anew, and its meaning does not."""
 MOST_FIXES = 100
 """Maximum number of fixes tried in one file. Each reads the whole file again, a tenth of a second for a real recipe."""
 
@@ -43,7 +45,8 @@ class Fixed:
     before: str
     after: str
     changed: tuple[str, str]
-    encoding: str
+    content: bytes
+    """The bytes of the file afterwards: its own if nothing was done."""
     done: tuple[Fix, ...]
     unaccepted: tuple[Fix, ...]
     impossible: tuple[tuple[Fix, str], ...]
@@ -127,12 +130,12 @@ def fix_recipe(
         fixing.before,
         state.text,
         changed,
-        fixing.encoding,
+        state.text.encode(fixing.encoding) if done else fixing.content,
         tuple(done),
         tuple(replace(fix, span=fixing.in_file(fix.span)) for fix in state.fixes if not is_wanted(fix)),
         tuple((one, str(why)) for one, why in unmade if not isinstance(why, Worse)),
         tuple((one, why) for one, why in unmade if isinstance(why, Worse)),
-        notes,
+        notes if done else (),
     )
 
 
@@ -142,14 +145,14 @@ class _Fixing:
     def __init__(self, path: Path, task: str | None, folders: Sequence[Path], content: bytes) -> None:
         self._path, self._task, self._folders = path, task, folders
         self.before = decode(content, str(path))
-        self._content = content
+        self.content = content
         self.encoding = next((one for one in ("utf-8-sig", "utf-16") if self.before.encode(one) == content), "utf-8")
         self.syntax = syntax_of(self.before, str(path))
 
     def first(self) -> _State:
         """Read the file as it is. Raises BadInput if it cannot be read."""
         try:
-            return self._read(self.before, self._content)
+            return self._read(self.before, self.content)
         except BadInput as problem:
             raise BadInput([replace(one, span=self.in_file(one.span)) for one in problem.diagnostics]) from None
 
@@ -161,21 +164,21 @@ class _Fixing:
         if self.syntax.name not in Target.__members__:
             raise CannotEdit(f"planlang does not write {self.syntax.value}")
         self.encoding = "utf-8"
-        converted = self._converted(self.before, Target.MANCHESTER)
-        return self._read(converted.text), tuple(one for one in converted.diagnostics if one.code == "O053")
+        converted = self._converted(self.content, Target.MANCHESTER)
+        return self._read(converted.text), tuple(one for one in converted.diagnostics if one.code in _LOST)
 
     def in_own_syntax(self, state: _State) -> _State:
         """Write fixed text in the syntax of the file and read that. Raises CannotEdit if it has new errors."""
         target = Target.NTRIPLES if self._path.suffix == ".nt" else Target[self.syntax.name]
-        text = self._converted(state.text, target).text.replace("\n", line_end(self.before))
+        text = self._converted(state.text.encode(), target).text.replace("\n", line_end(self.before))
         new = self._read(text)
         if new.errors() - state.errors():
             raise CannotEdit(f"the fixed recipe cannot be written in {self.syntax.value}")
         return new
 
-    def _converted(self, text: str, target: Target) -> Converted:
+    def _converted(self, content: bytes, target: Target) -> Converted:
         """Convert the recipe. Raises CannotEdit if statements would be lost."""
-        converted = convert_content(text.encode(), self._path, target, order=Sorting.FILE)
+        converted = convert_content(content, self._path, target, order=Sorting.FILE)
         for one in converted.diagnostics:
             if one.code == "O050":
                 raise CannotEdit(one.message)

@@ -12,7 +12,7 @@ from executive.modules.giving_way import Lookout
 from executive.runs.options import Outcome
 from executive.runs.plan_run import run_plan_file
 from planlang import Trace, at_location, explain, par, perform, sleep
-from planlang.designators import a_location, action, an_object
+from planlang.designators import FixedPose, a_location, action, an_object
 from planlang.failures import (
     LocationUnresolvable,
     NavigationGoalInCollision,
@@ -146,6 +146,24 @@ def test_one_that_stands_in_the_only_place_is_named_rather_than_what_is_around_i
         world.scene = replace(world.scene, movers=(STAYS,))
     with pytest.raises(LocationUnresolvable, match=f"{PORTER}, which drives by itself, is in the way where it is now"):
         next(stage.resolver.bases(a_location(in_reach_of=an_object("DrinkingBottle", PLACE + "bottle"))))
+
+
+def test_a_place_that_refers_to_one_that_drives_is_not_asked_for_without_it(doorway: Stage) -> None:
+    porter, bottle = (
+        an_object(kind, PLACE + name) for kind, name in ((ROBOT.type, PORTER), ("DrinkingBottle", "bottle"))
+    )
+    location = a_location(in_reach_of=porter) & a_location(in_reach_of=bottle)
+    assert doorway.resolver.waits_for(location) == ()
+
+
+def test_a_wait_with_a_place_lasts_as_stated_where_nothing_else_drives(ward: Stage) -> None:
+    begun = ward.truth.steps
+
+    async def wait() -> None:
+        await perform(action("Waiting", duration=5.0, to_location=FixedPose(x=1.0, y=0.0, yaw=0.0)))
+
+    ward.run(wait)
+    assert ward.truth.steps - begun >= 5 * ward.truth.rate
 
 
 @pytest.mark.parametrize("plan", [reach, drive])

@@ -10,6 +10,7 @@ from virtual_time import go
 
 from planlang import *
 from planlang.failures import (
+    HandsFull,
     LocationUnresolvable,
     ManipulationPoseUnreachable,
     NavigationGoalNotReached,
@@ -123,6 +124,21 @@ def test_while_something_is_held_the_failure_is_object_undeliverable(executive: 
 
     with failing(ObjectUndeliverable, what="bottle1"):
         go(partial(at_location, NEAR_CUP, body), executive)
+
+
+def test_where_no_hand_is_free_the_failure_says_what_cannot_be_reached_with_full_hands(executive: Any) -> None:
+    executive.holding = ["bottle1"]
+
+    def solutions(location: Any) -> Any:
+        raise HandsFull(what="cup1", held={"right": CUP})
+
+    async def body() -> None:
+        pytest.fail("there is no place to run this at")
+
+    executive.solutions = solutions
+    with failing(ObjectUndeliverable, what="bottle1") as caught:
+        go(partial(at_location, NEAR_CUP, body), executive)
+    assert "cannot be reached with full hands" in str(caught.value)
 
 
 def test_no_place_at_all_raises_object_unreachable_from_location_unresolvable(executive: Any) -> None:

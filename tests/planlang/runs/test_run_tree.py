@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 from planlang import Trace, VirtualHost, action, at_location, perform, run
 from planlang.designators import a_location, an_object
 from planlang.failures import ManipulationPoseUnreachable
 from planlang.runs import RunTree
+from planlang.runs.run_tree import belief_text
 from planlang.testing.script import Script
 from planlang.testing.scripted import ScriptedExecutive
 
@@ -58,3 +61,21 @@ def test_a_node_is_within_those_around_it() -> None:
     assert grasp.within(root)
     assert not root.within(grasp)
     assert not root.within(root)
+
+
+@pytest.mark.parametrize(
+    ("details", "text"),
+    [
+        (
+            {"change": "switched", "name": "stove1", "state": "http://knowrob.org/kb/knowrob.owl#DeviceStateOn"},
+            "stove1 on",
+        ),
+        ({"change": "moved", "name": "door1", "value": 0.01}, "door1 closed"),
+        ({"change": "led", "name": "door1", "value": 0.4}, "door1 open"),
+        ({"change": "leads", "name": "door1"}, "door1 held by its handle"),
+        ({"change": "seen", "name": "cup1"}, "cup1 seen"),
+        ({}, "something changed"),
+    ],
+)
+def test_a_change_of_the_belief_is_told_in_words(details: dict[str, Any], text: str) -> None:
+    assert belief_text(details) == text
