@@ -44,6 +44,10 @@ if TYPE_CHECKING:
     from executive.robots.draft import Draft
 
 
+_DRIVING = ("BaseMotionCapability", "MobileBase", "WheeledBase")
+"""Capabilities and components of a robot that drives."""
+
+
 def bind_robot(source: Ontology | Path | str, urdf: Path | None = None, folders: Iterable[Path] = ()) -> Robot:
     """Bind the robot that a source describes to a URDF.
 
@@ -77,7 +81,8 @@ def _drafted(model: SelfModel | None, urdf: Path) -> Robot:
     from executive.robots.draft import draft_of  # imported late: most robots have a robot file
 
     naming = None if model is None else Naming(model, Mechanism(grounded(urdf)), [])
-    draft = draft_of(urdf, hands=[] if naming is None else [hand for _, hand, _ in described(naming)])
+    hands = [] if naming is None else [hand for _, hand, _ in described(naming)]
+    draft = draft_of(urdf, hands=hands, drives="" if model is None else _drives(model))
     robot = bind_draft(draft, urdf, model)
     made = calling("robot make", urdf, output=Path(f"{urdf.stem}.toml"))
     advice = Text(made, " writes a robot file to complete")
@@ -85,6 +90,13 @@ def _drafted(model: SelfModel | None, urdf: Path) -> Robot:
     origin = note("B010", f"{what} is derived from its URDF alone", Span(str(urdf)), advice)
     name = robot.name if model is None else model.name
     return replace(robot, name=name, diagnostics=(origin, *draft.diagnostics(), *robot.diagnostics), file=None)
+
+
+def _drives(model: SelfModel) -> str:
+    """Say where a self-model states that the base drives: by a capability, or by a part; empty if it does not."""
+    stated = [*claims_of(model), *(cls for part in model.components for cls in model.ontology.types(part))]
+    found = next((cls for cls in stated if local_name(cls) in _DRIVING), None)
+    return "" if found is None else f"{model.name} has {local_name(found)} by its self-model"
 
 
 def bind_draft(draft: Draft, path: Path, model: SelfModel | None = None) -> Robot:

@@ -174,11 +174,14 @@ def toml(value: Any) -> str:
     return str(value)
 
 
-def draft_of(urdf: Path, srdf: Path | None = None, *, named: str | None = None, hands: Sequence[str] = ()) -> Draft:
+def draft_of(
+    urdf: Path, srdf: Path | None = None, *, named: str | None = None, hands: Sequence[str] = (), drives: str = ""
+) -> Draft:
     """Draft the robot file of a URDF. Raises BadInput for files that cannot be read.
 
     ``srdf`` is by default the file of the same stem beside it, if there is one; ``named`` is the path of the URDF to
-    write into the robot file; ``hands`` are links at which a self-model says that arms end.
+    write into the robot file. A self-model may say where arms end (links ``hands``), and that the base drives
+    (``drives``: where it says so).
     """
     still = grounded(urdf)
     mechanism = Mechanism(still)
@@ -192,7 +195,7 @@ def draft_of(urdf: Path, srdf: Path | None = None, *, named: str | None = None, 
     world = PlanningWorld(Scene(()), RobotBody(still, CameraModel(mechanism.root), moving=moving))
     unused = srdf_content.unused if srdf_content is not None else ()
     try:
-        return _Maker(Draft(urdf, unused=unused), parts, srdf_content, world, hands).make(named or urdf.name)
+        return _Maker(Draft(urdf, unused=unused), parts, srdf_content, world, hands, drives).make(named or urdf.name)
     finally:
         world.close()
 
@@ -209,9 +212,10 @@ class _Maker:
     """Fills a draft, table by table."""
 
     def __init__(
-        self, draft: Draft, parts: Anatomy, srdf: Srdf | None, world: PlanningWorld, hands: Sequence[str]
+        self, draft: Draft, parts: Anatomy, srdf: Srdf | None, world: PlanningWorld, hands: Sequence[str], drives: str
     ) -> None:
-        self.draft, self.anatomy, self.srdf, self.world, self.hands = draft, parts, srdf, world, hands
+        self.draft, self.anatomy, self.srdf, self.world = draft, parts, srdf, world
+        self.hands, self.drives = hands, drives
         self.mechanism = mechanism = parts.mechanism
         self.limbs = self._limbs()
         self.lift = mechanism.lift([limb.hand for limb in self.limbs])
@@ -276,6 +280,8 @@ class _Maker:
         if self.srdf is not None and self.srdf.base_joint is not None:
             kind = self.srdf.base_joint
             return kind in ("planar", "floating"), f"the virtual joint of the SRDF is {kind}"
+        if self.drives:
+            return True, self.drives
         wheels, legs = self.anatomy.wheels, self.anatomy.legs
         if wheels:
             return True, f"{wheels[0].name} turns a wheel"

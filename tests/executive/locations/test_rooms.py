@@ -197,7 +197,7 @@ def test_random_questions_failing_and_interrupted_ones_too_change_nothing() -> N
     room, robot = some_stage()
     stage = Stage(room, robot_of(robot))
     try:
-        asked_many = ask_many(stage, 60)
+        asked_many = ask_many(stage, 120)
     finally:
         stage.close()
     assert asked_many.changed == ()

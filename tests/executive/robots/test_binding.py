@@ -211,6 +211,10 @@ def test_a_self_model_without_fingers_binds_without_gripper(handless: Robot) -> 
     assert [len(arm.joints) for arm in handless.arms] == [7, 7]
 
 
+def test_a_robot_drives_if_its_self_model_claims_so_and_no_wheel_is_in_its_urdf(handless: Robot) -> None:
+    assert not handless.base.fixed
+
+
 def test_a_robot_can_be_described_by_a_toml_file_alone(tmp_path: Path, amigo: Robot) -> None:
     text = amigo.urdf.with_suffix(".toml").read_text()
     path = tmp_path / "mine.toml"
