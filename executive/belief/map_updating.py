@@ -141,7 +141,8 @@ def _moved(thing: MapObject, belief: Belief, start: float, placed: Mapping[str, 
 
 def _new(thing: MapObject, belief: Belief) -> Iterator[Triple]:
     """Yield the statements about a created object, of the class that heat has given it by now, and about that class."""
-    cls, *above = tuple(map(expand, belief.state.matter.types.get(thing.name, ())[:1])) or thing.types
+    heated = belief.state.matter.types.get(thing.name)
+    cls, *above = belief.known_types(expand(heated[0])) if heated else thing.types
     for one in above:  # a class that only the recipe declares
         yield from stated_facts(cls, [(RDF.type, OWL.Class), (RDFS.subClassOf, one)])
     facts: list[tuple[str, Term]] = [(RDF.type, cls)]

@@ -190,7 +190,9 @@ def _line(one: Fix) -> str:
 
 
 def _fix_difference(before: Path, after: Path, fixed: Fixed) -> str:
-    old, new = (text.splitlines(keepends=True) for text in fixed.changed)
+    """Compare what was edited; where writing the file anew was the fix, the file itself."""
+    edited, itself = fixed.changed, (fixed.before, fixed.after)
+    old, new = (text.splitlines(keepends=True) for text in (itself if edited[0] == edited[1] else edited))
     lines = difflib.unified_diff(old, new, str(before), str(after))
     return "".join(line if line.endswith("\n") else line + "\n\\ No newline at end of file\n" for line in lines)
 

@@ -232,10 +232,10 @@ class RobotExecutive:
                 except LocationUnresolvable as problem:
                     if type(problem) is LocationUnresolvable and self.platform.belief.rely_on_all_hands():
                         continue
-                    about_place = type(problem) is LocationUnresolvable and not is_found
-                    first = resolver.look_at_unseen(location) or self._waiting(location) if about_place else None
-                    if first is not None:
-                        yield first
+                    if type(problem) is LocationUnresolvable and not is_found:
+                        for what_may_help in (resolver.look_at_unseen, self._waiting):
+                            if (first := what_may_help(location)) is not None:
+                                yield first
                     raise
         except ObjectUnresolvable as problem:
             missing = next(filter(self.platform.scene.bodies.means_unknown, location.things()), None)

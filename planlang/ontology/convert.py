@@ -18,6 +18,7 @@ from planlang.ontology.documents import Syntax, base_of, read_bytes, read_syntax
 from planlang.ontology.functional_writer import functional
 from planlang.ontology.manchester_writer import manchester
 from planlang.ontology.nested_writers import ntriples, rdfxml, turtle
+from planlang.ontology.owlxml_writer import owlxml
 from planlang.ontology.terms import OWL, RDF, BNode, Literal, Term, Triple
 from planlang.records import dataclass
 
@@ -56,8 +57,6 @@ def write(
         case Target.FUNCTIONAL:
             return functional(given, prefixes, order=order)
         case Target.OWLXML:
-            from planlang.ontology.owlxml_writer import owlxml  # which imports lark, in 20 ms
-
             return owlxml(given, prefixes, order=order)
         case Target.RDFXML:
             return rdfxml(given, prefixes, name, order=order)

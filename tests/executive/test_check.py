@@ -358,3 +358,11 @@ def test_a_folder_named_like_a_bundled_recipe_hides_it_from_no_command(
         stderr = CliRunner().invoke(app, [command, "wipe_table"]).stderr
         assert "note C001 wipe_table is a folder, too; this is the bundled recipe" in stderr, command
     assert "no recipes in the folder" in CliRunner().invoke(app, ["check", "wipe_table/"]).stderr
+
+
+def test_the_difference_is_that_of_the_file_if_writing_it_anew_is_the_fix(tmp_path: Path) -> None:
+    path = tmp_path / "given.owl"
+    path.write_text((Path(__file__).parents[1] / "diagnostics" / "O012_wrong_namespace.owl").read_text())
+    result = check(path, "--fix")
+    assert any(line.startswith("-") and "subClassOf" in line for line in result.stdout.splitlines()), result.stdout
+    assert (tmp_path / "given.fixed.owl").exists()
