@@ -253,7 +253,13 @@ class _Maker:
         return [limb for limb in at_end_effectors if limb is not None and is_arm(limb)] or self.anatomy.arms
 
     def _contacts(self, table: Table, fingers: frozenset[str]) -> None:
-        """Add pairs of links that may touch; those of ``fingers`` may in any case."""
+        """Add pairs of links that may touch; those of ``fingers`` may in any case.
+
+        None for the robot of a self-model, which has nowhere to state that a shape is too coarse: it lifts its arms off
+        the base instead, and has more room for their paths there.
+        """
+        if self.hands:
+            return
         if self.srdf is not None and self.srdf.touching:
             table.add("allowed_contacts", self.srdf.touching, "pairs that may touch, by the SRDF")
             return
@@ -435,7 +441,8 @@ class _Maker:
             cause = f", as {shape.bare}: {REMEDY}, or {sheet}" if shape.bare else f"; {sheet}"
             table.add("max_opening", USUAL_OPENING, f"no gap between two fingers was found{cause}", status)
         elif coarse := replaced_meshes(self.draft.urdf, shape.fingers):
-            why = f"{measured}; boxes stand for the meshes of {in_series(coarse)}, which are missing or unreadable"
+            lost = f"boxes stand for the meshes of {in_series(coarse)}, which are missing or unreadable"
+            why = f"95 % of the way of the fingertips; {lost}"
             table.add("max_opening", shape.max_opening, why, Status.ASSUMED)
         else:
             self._add_doubtful(table, "max_opening", shape.max_opening, measured, doubts)

@@ -13,7 +13,7 @@ import numpy as np
 
 from executive.robots.anatomy import Limb
 from executive.robots.mechanism import Mechanism, Part, is_tool, names
-from executive.robots.openings import without_shapes
+from executive.robots.openings import replaced_meshes, without_shapes
 from executive.robots.robot import Axis
 from executive.robots.thumbs import ROW, ThumbGrip, apart, thumb_gap, thumb_grip
 from planlang.geometry import Array
@@ -120,6 +120,9 @@ class _Hand:
             for joint in self.joints
         }
         """Values of finger joints that are not varied: hands with a thumb are flat at zero."""
+        boxes = replaced_meshes(mechanism.path, {link for links in self.links.values() for link in links})
+        self.faces_known = bool(self.thumbs) or not boxes
+        """Whether the shapes of the fingers show where they face each other: boxes of their inertia fill more."""
         self.wrist = self._place(limb.joints[-1].child)
         self.grip: ThumbGrip | None = None
         """How a hand with a thumb closes."""
@@ -322,16 +325,10 @@ class _Hand:
 
     def _stays_parallel(self, approach: Array, wide: Values, narrow: Values) -> bool:
         """Check whether the link at the tip of each finger keeps its attitude as the hand opens."""
-        solid, turns = frozenset(self.world.robot.solid_names), list[dict[str, Array]]()
-        ends = list[str]()
+        turns, ends = list[dict[str, Array]](), list[str]()
         for values in (wide, narrow):
             self._points(values)  # takes this posture
-            if not ends:  # a motor that fingers follow has no shape, and turns by itself
-                fingers = [links for links in self.links.values() if not solid.isdisjoint(links)]
-                for links in fingers or self.links.values():
-                    points = {link: self._drawn([link]) or [self._place(link)] for link in links}
-                    ahead = {link: float((one[0] @ approach).max()) for link, one in points.items()}
-                    ends.append(max(ahead, key=lambda link: round(ahead[link], 6)))
+            ends = ends or self._ends_ahead(approach)
             turns.append({link: self._frame(link)[:3, :3] for link in ends})
         return all((np.trace(turns[0][link].T @ turns[1][link]) - 1) / 2 >= PARALLEL for link in ends)
 
@@ -364,6 +361,26 @@ class _Hand:
         middles = [float(closing @ (one.mean(axis=0) - self.wrist)) for one in self._points(values).values()]
         return float(np.mean(np.abs(middles)))
 
+    def _ends_ahead(self, approach: Array) -> list[str]:
+        """List the link at the tip of each finger: of those with a shape, as motors beside a finger have none."""
+        solid = frozenset(self.world.robot.solid_names)
+        fingers = [links for links in self.links.values() if not solid.isdisjoint(links)] or list(self.links.values())
+        ends = list[str]()
+        for links in fingers:
+            ahead = {link: float((self._of_link(link) @ approach).max()) for link in links}
+            ends.append(max(ahead, key=lambda link: round(ahead[link], 6)))
+        return ends
+
+    def _of_link(self, link: str) -> Array:
+        """Points (n, 3) of the shape of a link; without one, its origin."""
+        return next(iter(self._drawn([link])), self._place(link)[None])
+
+    def _tips_apart(self, approach: Array, closing: Array, values: Values) -> float:
+        """Mean distance of the fingertips from the wrist's axis along the closing direction [m]."""
+        self._points(values)  # takes this posture
+        tips = [self._of_link(link).mean(axis=0) for link in self._ends_ahead(approach)]
+        return float(np.mean([abs(closing @ (tip - self.wrist)) for tip in tips]))
+
     def _opening(self, approach: Array, closing: Array, opened: Values, closed: Values) -> float:
         """Width of the widest object that fits [m]: from the gap between the fingers, else from their travel.
 
@@ -371,7 +388,7 @@ class _Hand:
         """
         gap = self._gap(approach, closing, opened)
         if gap is None or gap[1] - gap[0] < LEAST_OPENING:
-            width = 2 * (self._spread(closing, opened) - self._spread(closing, closed))
+            width = 2 * (self._tips_apart(approach, closing, opened) - self._tips_apart(approach, closing, closed))
         else:
             width = gap[1] - gap[0]
         return round(SHARE * width, 3) if width >= LEAST_OPENING else 0.0
@@ -379,8 +396,10 @@ class _Hand:
     def _gap(self, approach: Array, closing: Array, values: Values) -> tuple[float, float, float] | None:
         """Interval of the gap between the fingertips along the closing direction, and where it ends along the approach.
 
-        In metres; None if all fingers are on one side.
+        In metres; None if all fingers are on one side, or boxes stand for their meshes.
         """
+        if not self.faces_known:
+            return None
         points = self._points(values)
         if self.grip is not None:
             return thumb_gap(points, self._roots(), self.thumbs, approach, closing)

@@ -331,3 +331,9 @@ def test_a_base_that_is_fixed_has_a_next_step(tmp_path: Path) -> None:
     lacks = possessions_of(bind_robot(parts.written(path))).lacks["BaseMotionCapability"]
     for said in ("fixed = false", "[base]", "[mount]", "pass_a_drink", "where it starts"):
         assert said in lacks
+
+
+def test_a_hand_without_its_meshes_opens_as_far_as_its_fingertips_travel(corpus: Path) -> None:
+    """Boxes of inertia fill more than fingers: between those of the PR2, which opens to 9 cm, there are 3.5 cm."""
+    grippers = [arm.gripper for arm in bind_robot(corpus / "robots" / "pr2@hydro.urdf").arms]
+    assert [gripper and 0.08 <= gripper.max_opening <= 0.1 for gripper in grippers] == [True, True]
