@@ -400,10 +400,12 @@ def _around(
     tables = [grasping(reach.body, block, arm.frame, arm.max_opening, middle, headings, arm.palm, gaps)]
     above = FROM_ABOVE if is_dish(block) and reach.grasp is None else tuple(one for one in FROM_ABOVE if one in classes)
     for one in _gripped_from_above(block, arm) if above else ():
-        below = tuple(-float(arm.lowest(one.rotations([0.0], [1], arm.frame), None)[0]) for one in FROM_ABOVE)
+        hands = [arm.hand_corners @ one.rotations([0.0], [1], arm.frame)[0].T for one in FROM_ABOVE]
+        below = tuple(-float(corners[:, 2].min()) for corners in hands)
+        ahead = tuple(float(corners[:, 0].max()) for corners in hands)
         # fingers below a handle do not come near the support
         advance = arm.openings.advance(narrowest(one)) if block == scene.bodies.block(reach.body) else 0.0
-        low = from_above(reach.body, one, arm.frame, arm.max_opening, above, headings, below, advance)
+        low = from_above(reach.body, one, arm.frame, arm.max_opening, above, headings, below, advance, ahead)
         boxes, _ = scene.collisions.boxes_but((reach.body,))
         covered = clearance_at(low.points[:, :2], boxes, ((block.high, block.high + OVER, 0.0),)) < 0
         rejections.add("under something else", int(covered.sum()))
