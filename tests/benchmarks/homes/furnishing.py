@@ -87,10 +87,15 @@ class Surface:
 
 @dataclass
 class Home:
-    """A room with all that is in it."""
+    """Rooms with all that is in them. Furniture goes into the room that was entered last."""
 
     rng: np.random.Generator
     inside: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Extents of that room."""
+    middle: tuple[float, float] = (0.0, 0.0)
+    """Its middle in the map."""
+    rooms: dict[str, Rectangle] = field(default_factory=dict)
+    """Rooms of a flat; empty for a home of one."""
     things: dict[str, Thing] = field(default_factory=dict)
     floor: list[Rectangle] = field(default_factory=list)
     """Footprints of furniture."""
@@ -143,12 +148,20 @@ class Home:
         self.inside = self.size_of(sizes.ROOM)
         self.add(Thing("room1", cls, Pose((0.0, 0.0, self.inside[2] / 2)), self.inside))
 
+    def enter(self, room: str) -> None:
+        """Let furniture go into a room of a flat from now on."""
+        area = self.rooms[room]
+        self.middle = (area.x, area.y)
+        self.inside = (2 * area.half[0], 2 * area.half[1], self.inside[2])
+
+    def holds(self, area: Rectangle, over: float = 0.0) -> bool:
+        """Return True if an area lies in the room, or beyond its walls by at most ``over``."""
+        return bool((np.abs(area.corners() - self.middle) <= np.array(self.inside[:2]) / 2 + over).all())
+
     def is_free(self, footprint: Rectangle, clearance: Rectangle | None) -> bool:
         """Return True if furniture may stand there."""
-        half = np.array(self.inside[:2]) / 2 + 1e-6
-        for area in (footprint, clearance):
-            if area is not None and (np.abs(area.corners()) > half).any():
-                return False
+        if any(area is not None and not self.holds(area, 1e-6) for area in (footprint, clearance)):
+            return False
         if any(footprint.overlaps(other) for other in (*self.floor, *self.kept_free)):
             return False
         return clearance is None or not any(clearance.overlaps(other) for other in self.floor)
@@ -167,7 +180,7 @@ class Home:
             offset = math.copysign(slack, self.rng.uniform(-1, 1)) if corner else self.between((-slack, slack))
             middle = -away / 2 + back + size[0] / 2
             c, s = round(math.cos(yaw)), round(math.sin(yaw))
-            x, y = middle * c - offset * s, middle * s + offset * c
+            x, y = middle * c - offset * s + self.middle[0], middle * s + offset * c + self.middle[1]
             if self._stand(x, y, yaw, size, clear):
                 return Pose.planar(x, y, yaw, size[2] / 2)
         raise NoRoom(f"no wall has room for {size}")
@@ -178,11 +191,12 @@ class Home:
             half = np.array(self.inside[:2]) / 2
             reach = math.hypot(size[0], size[1]) / 2
             x, y = (self.between((-float(h) + reach, float(h) - reach)) if h > reach else 0.0 for h in half)
+            x, y = x + self.middle[0], y + self.middle[1]
             yaw = self.between((-math.pi, math.pi)) if self.chance(0.3) else int(self.rng.integers(4)) * math.pi / 2
             around = Rectangle(x, y, yaw, (size[0] / 2 + clear, size[1] / 2 + clear))
             footprint = Rectangle(x, y, yaw, (size[0] / 2, size[1] / 2))
             if self.is_free(footprint, None) and not any(around.overlaps(other) for other in self.floor):
-                if (np.abs(around.corners()) > half + clear).any():
+                if not self.holds(around, clear):
                     continue
                 self.floor.append(footprint)
                 return Pose.planar(x, y, yaw, size[2] / 2)
@@ -234,8 +248,7 @@ class Home:
             place = board.pose @ Pose((far * c - offset * s, far * s + offset * c, 0.0))
             yaw = board.pose.yaw + angle + math.pi
             footprint = Rectangle(place.position[0], place.position[1], yaw, (size[0] / 2, size[1] / 2))
-            half = np.array(self.inside[:2]) / 2
-            if (np.abs(footprint.corners()) < half).all() and not any(footprint.overlaps(one) for one in self.floor):
+            if self.holds(footprint) and not any(footprint.overlaps(one) for one in self.floor):
                 self.floor.append(footprint)
                 pose = Pose.planar(place.position[0], place.position[1], yaw, size[2] / 2)
                 return self.add(Thing(self.named("chair"), extents.cls, pose, size))

@@ -10,6 +10,8 @@ Sources of the ranges:
 * [N] tables, beds and seats: E. Neufert, Architects' Data: dining 720 to 760 mm, coffee tables 400 to 500 mm, beds
   1,900 to 2,100 mm by 900 to 1,000 mm at 450 to 600 mm, seats at 430 to 470 mm; nursing beds 400 to 800 mm.
 * [P] people: DIN 33402-2, women's 5th to men's 95th percentile: 1,535 to 1,855 mm tall, 1,200 to 1,400 mm when seated.
+* [F] flats: DIN 18101 (leaves of 735, 860 and 985 mm leave 0.67 to 0.93 m) and DIN 18040-2 (0.8 m within a flat, 0.9 m
+  for wheelchairs); doorways 2.0 to 2.1 m high; halls 1.1 to 1.6 m wide (Neufert; DIN 18040-2 asks for 1.2 m).
 * [W] ways: 900 to 1,200 mm before furniture that is opened (Neufert; NKBA asks for 914 mm), 800 to 1,200 mm else.
 * [T] tableware and packages as sold: cups 60 (espresso) to 95 mm (coffee), mugs 80 to 95 mm, glasses 60 to 80 mm,
   bottles of 0.5 to 1 l 60 to 85 mm, cans 66 mm, cartons of 1 l 70 mm square, plates 190 to 270 mm, bowls 120 to 170 mm,
@@ -81,6 +83,17 @@ FURNITURE: Mapping[str, Extents] = {
 
 ROOM: Extents = Extents("Kitchen", (3.6, 6.0), (3.2, 5.0), (2.4, 2.7))
 """Inside of a room; 12 to 30 square metres, as kitchens with a table and living rooms have."""
+
+HALL: Extents = Extents("Hall", (2.5, 5.0), (1.1, 1.6), (2.4, 2.7))
+"""[F] Inside of a hall."""
+PARTITION = 0.1
+"""Thickness of the wall between two rooms: gypsum on studs."""
+DOORWAY, NARROW, DOOR_HEIGHT = (0.8, 1.0), (0.55, 0.7), (2.0, 2.1)
+"""[F] Clear widths of doorways, of those of small rooms, and their height."""
+NARROW_ONES = 0.05
+"""Share of doorways that are so narrow."""
+POST = 0.1
+"""Least width of the wall beside a doorway."""
 
 CLEAR = (0.9, 1.2)
 """[W] Free floor before what is opened."""
