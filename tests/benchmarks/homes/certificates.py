@@ -76,9 +76,13 @@ class Search:
     def _does(self, need: Need, scene: Scene, moved: dict[str, Pose]) -> bool:
         body = scene.body(need.thing)
         pose = moved.get(body.name, body.pose)
+        if body.hands > 1:
+            return False  # two hands at once are not looked for
         match need.kind:
             case "grasp":
                 return self._grasps(body, pose)
+            case "hold":
+                return True  # what each hand does has a certificate of its own
             case "place":
                 spots = list(self.spots(scene, body, need.at, 0.06, np.zeros(1), -0.02, moved))
                 self.rng.shuffle(spots)  # type: ignore[arg-type]  # poses are not to be an array

@@ -27,7 +27,8 @@ KEPT = 0.2
 class Need:
     """Something that has to be possible.
 
-    ``kind``: "grasp", "place", "open", "close", "hand over", "press", "wipe", "see", "pour", or "pass" (a doorway).
+    ``kind``: "grasp", "place", "open", "close", "hand over", "press", "wipe", "see", "pour", "pass" (a doorway), or
+    "hold" (while another hand holds something).
     """
 
     kind: str
@@ -52,6 +53,8 @@ class Task:
     unknown: tuple[str, ...] = ()
     """Things of which the robot does not know where they are."""
     watchers: tuple[Callable[[Watched], None], ...] = field(default=())
+    recipe: str = ""
+    """The recipe, if it is not the steps one after the other."""
 
     @property
     def goal(self) -> Goal:
@@ -59,7 +62,7 @@ class Task:
         return all_of(self.wanted, self.unharmed)
 
 
-LATER = ("more_tasks", "flat_tasks")
+LATER = ("more_tasks", "flat_tasks", "further_tasks")
 """Modules of templates that were written later, in their order: their numbers follow, so that earlier homes stay."""
 
 Template = Callable[[Home], Task]
@@ -95,12 +98,16 @@ def drawn(name: str, seed: int, suits: Callable[[Task], bool] = lambda task: Tru
     return task
 
 
+def module_of(name: str) -> str:
+    """Return the module of a template, such as "flat_tasks"."""
+    return TEMPLATES[name].__module__.rpartition(".")[2]
+
+
 def _number(name: str) -> int:
     """Return the number of a template, from which its homes are drawn."""
 
     def rank(one: str) -> tuple[int, str]:
-        module = TEMPLATES[one].__module__.rpartition(".")[2]
-        return LATER.index(module) if module in LATER else -1, one
+        return LATER.index(module_of(one)) if module_of(one) in LATER else -1, one
 
     return sorted(TEMPLATES, key=rank).index(name)
 

@@ -14,12 +14,12 @@ from executive.maps import read_map, scene_of
 from planlang.ontology import load
 from tests.benchmarks.homes.flats import Flat, flat, person_in_hall
 from tests.benchmarks.homes.furnishing import Home, NoRoom
-from tests.benchmarks.homes.tasks import TEMPLATES, Need, Task, drawn
+from tests.benchmarks.homes.tasks import TEMPLATES, Need, Task, drawn, module_of
 from tests.benchmarks.homes.trial import verdict, write
 from tests.benchmarks.homes.witness import Answer, Verdict, is_right_reason
 
 Judged = Callable[[float, str, tuple[str, ...]], Verdict]
-FLAT_TEMPLATES = [name for name in TEMPLATES if TEMPLATES[name].__module__.endswith("flat_tasks")]
+FLAT_TEMPLATES = [name for name in TEMPLATES if module_of(name) == "flat_tasks"]
 
 
 def flats(rooms: int, *, hall: bool) -> list[Flat]:

@@ -53,8 +53,10 @@ SECONDS = 4.0
 """CPU time for the certificate of one need [s]."""
 
 
-BY_EDGE = ("DinnerPlate", "Bowl-Eating", "Sponge-CleaningImplement")
-"""Classes of what is taken by a rim, or gives way."""
+BY_EDGE = ("DinnerPlate", "Bowl-Eating", "Sponge-CleaningImplement", "SoupPot")
+"""Classes of what is taken by a rim or handles, or gives way."""
+BY_TWO_HANDS = ("SoupPot",)
+"""Classes of what two hands carry."""
 MASS = "knowrob:massOfObject "
 
 
@@ -71,6 +73,7 @@ RIGHT_REASONS: Mapping[str, str] = {
     "too heavy": r"TooHeavy|weighs",
     "too high": r"too high|out of reach|reaches (only )?up to|\bup to \d",
     "too low": r"too low|out of reach|reaches (only )?down to|\bdown to \d",
+    "no hand": r"hands?\b",
     "no camera": r"without (a )?camera|no camera",
     "no floor": r"no room for the base|no path|NavigationPose|cannot (stand|get)|out of reach|no nearer than",
     "too narrow": r"too narrow|m wide; |no path|no way|NavigationPose",
@@ -155,7 +158,8 @@ def suited_to(robot: Robot) -> Callable[[Task], bool]:
             assert thing.size is not None
             if min(thing.size[:2]) > widest and thing.cls not in BY_EDGE:
                 return False
-            if any(float(fact.split()[1]) > strongest for fact in thing.facts if fact.startswith(MASS)):
+            most = strongest * (2 if thing.cls in BY_TWO_HANDS else 1)
+            if any(float(fact.split()[1]) > most for fact in thing.facts if fact.startswith(MASS)):
                 return False
         return True
 
@@ -214,6 +218,7 @@ class Witness:
             self._check_doorway(need.thing)
             return
         body = self.scene.body(need.thing)
+        self._check_hands(body, 2 if need.kind == "hold" else body.hands)
         if need.kind in ("grasp", "pour", "place", "hand over", "wipe"):
             self._check_hand(body)
         if need.kind == "grasp":
@@ -228,6 +233,11 @@ class Witness:
             self._check_reach(body, self._spans(body))
         if need.kind == "place":
             self._check_room(body, need.at)
+
+    def _check_hands(self, body: Body, hands: int) -> None:
+        has = sum(arm.gripper is not None for arm in self.robot.arms)
+        if has < hands:
+            raise _Broken("no hand", body.name, f"{body.name} needs {hands} hands, the robot has {has}")
 
     def _check_hand(self, body: Body) -> None:
         by_edge = body.wall > 0 or body.soft or bool(body.handles)
