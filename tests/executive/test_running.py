@@ -9,7 +9,8 @@ import re
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -338,6 +339,25 @@ def test_a_reader_of_progress_who_hangs_up_ends_the_run_with_a_complete_trace(tm
     with pytest.raises(BrokenPipeError):
         run_plan_file(replace(BUNDLED, trace=tmp_path / "run.jsonl", progress=hang_up))
     assert_complete(records_of(tmp_path / "run.jsonl"))
+
+
+def test_between_two_lines_of_progress_the_run_says_at_which_action_it_works() -> None:
+    lines: list[str] = []
+    said_at_work: list[str] = []
+    entered: list[int] = []
+
+    @contextmanager
+    def waiting(what: Callable[[], str], most: float | None = None) -> Iterator[None]:
+        entered.append(len(lines))
+        yield
+        said_at_work.append(what())
+
+    result = run_plan_file(replace(BUNDLED, progress=lines.append, waiting=waiting))
+    assert result.outcome is Outcome.DONE
+    assert entered == list(range(len(lines) + 1)), "anew after each line"
+    assert len(said_at_work) == len(entered), "and it ends with the run"
+    grasp = next(number for number, line in enumerate(lines) if "GraspBottle(" in line)
+    assert said_at_work[grasp + 1].startswith("still at GraspBottle("), said_at_work
 
 
 def test_a_robot_without_grippers_is_told_what_it_lacks_before_anything_moves(tmp_path: Path) -> None:
