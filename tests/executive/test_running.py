@@ -104,7 +104,7 @@ def test_the_trace_tells_what_was_learnt_and_held(served: Served) -> None:
 
 def test_progress_tells_people_what_is_done_in_order(served: Served) -> None:
     text = "\n".join(served.progress)
-    order = ["ReachForBottle", "CloseGripper", "bottle1 grasped", "HandOverBottle", "bottle1 released"]
+    order = ["ReachForBottle", "CloseGripper", "bottle1 grasped", "HandOverBottle", "bottle1 handed to patient1"]
     places = [text.index(word) for word in order]
     assert places == sorted(places)
     assert all(re.match(r" *\d+\.\d\d s  ", line) for line in served.progress)
@@ -413,8 +413,11 @@ def test_a_run_ends_with_what_a_listener_raises_and_the_others_are_told_on() -> 
             "failed: ObjectNotFound: no bottle1",
         ),
         ({"event": "ended", "kind": "perform", "status": "succeeded"}, None),
-        ({"event": "recovery", "decision": "retry"}, "recovery: retry"),
-        ({"event": "recovery", "decision": "used up"}, "recovery: no attempts left"),
+        ({"event": "recovery", "decision": "retry"}, "the step that failed is tried again"),
+        (
+            {"event": "recovery", "decision": "used up"},
+            "the step is not tried again: it has failed as often as its recovery allows",
+        ),
         ({"event": "belief", "change": "seen", "name": "bottle1"}, "  belief: bottle1 seen"),
         ({"event": "belief", "change": "leads", "name": "drawer1"}, "  belief: drawer1 held by its handle"),
         ({"event": "belief", "change": "led", "name": "drawer1", "value": 0.4}, "  belief: drawer1 open"),
