@@ -16,8 +16,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from executive.motion.clearance import EVERY, HEADINGS, TURN, Cell, Grid, Poses, around, flood, has
+from executive.motion.clearance import Grid
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
+from executive.motion.floods import EVERY, Cell, Poses, around, flood, has
+from executive.motion.outlines import HEADINGS, TURN
 from planlang.geometry import Array
 from planlang.records import dataclass
 
@@ -370,7 +372,7 @@ def _close(free: Poses, turns: Poses, a: Cell, b: Cell) -> None:
 
 def _shortest(free: Poses, turns: Poses, begin: list[Cell], end: list[Cell]) -> list[Cell] | None:
     """Find a path with the fewest steps from one of some poses to one of others."""
-    steps = flood(free, begin, turns)
+    steps = list(flood(free, begin, turns))
     last = next((cell for cell in end if has(steps[-1], cell)), None)
     if last is None:
         return None
