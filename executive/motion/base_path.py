@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import field
 from heapq import heappop, heappush
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 
@@ -315,6 +315,8 @@ STEPS = (
 """Steps between poses, straight ones first, so that a path turns as little as possible."""
 
 
+CONNECTED = 8
+"""Poses of the grid from which a tight path may begin, and at which it may end: the nearest that can be reached."""
 TIGHT_REPLANS = 40
 """How often a tight path is planned again around steps that touch something."""
 
@@ -343,7 +345,8 @@ def plan_tight_path(
         return [pose for pose in poses if known[pose]]
 
     def connected(pose: Planar) -> list[Cell]:
-        return [cell for cell in around(pose, grid) if has(free, cell) and not hits(_path(pose, pose, grid, [cell]))]
+        cells = (cell for cell in around(pose, grid) if has(free, cell))
+        return list(islice((cell for cell in cells if not hits(_path(pose, pose, grid, [cell]))), CONNECTED))
 
     begin, end, attempts = connected(start), connected(goal), 0
     while attempts <= TIGHT_REPLANS:
