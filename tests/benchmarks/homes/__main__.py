@@ -1,7 +1,7 @@
 """Everyday tasks in homes that are drawn at random: how many reach their goal, by template and robot.
 
 python -m tests.benchmarks.homes run --robots amigo,pr2 --seeds 0:3 [--templates fetch,beside] [--out ROWS]
-python -m tests.benchmarks.homes run --robots amigo --seeds 0:1 --templates flat_tasks,further_tasks   # two minutes
+python -m tests.benchmarks.homes run --robots amigo --seeds 0:1 --templates flat_tasks,further_tasks,door_tasks
 python -m tests.benchmarks.homes series acceptance [--docs docs/reference/homes.md]
 python -m tests.benchmarks.homes table ROWS... [--docs docs/reference/homes.md]
 python -m tests.benchmarks.homes write FOLDER --robots pr2 --seeds 0:1 --templates fetch

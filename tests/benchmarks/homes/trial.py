@@ -18,7 +18,14 @@ from planlang.diagnostics import BadInput
 from planlang.ontology import load
 from sim import Scene
 from sim.joints import JointKind
-from tests.benchmarks.homes import closed_tasks, flat_tasks, further_tasks, more_tasks, open_tasks  # noqa: F401  they register their templates
+from tests.benchmarks.homes import (  # noqa: F401  they register their templates
+    closed_tasks,
+    door_tasks,
+    flat_tasks,
+    further_tasks,
+    more_tasks,
+    open_tasks,
+)
 from tests.benchmarks.homes.furnishing import NoRoom
 from tests.benchmarks.homes.goals import opened
 from tests.benchmarks.homes.robots import OPTIONS, named
