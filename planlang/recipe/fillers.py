@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from planlang.designators import local_name
+from planlang.designators import local_name, snake_case
 from planlang.kept import kept
 from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, UPPER, XSD, is_vocabulary
@@ -47,6 +47,10 @@ NUMERIC = _INTEGERS | {"float", "double", "decimal"}
 
 TEXT = frozenset({"", "string", "langString"})
 """Local names of the datatypes of text; an untyped literal is text."""
+
+
+DEVICE_PROPERTIES = ("deviceUsed", "bodyPartsUsed")
+"""Properties (local names) for the part of the robot with which it acts."""
 
 
 def nearest_in_vocabulary(ontology: Ontology, cls: str, below: str | None = None) -> str:
@@ -118,6 +122,8 @@ def read_filler(ontology: Ontology, term: Term, property_name: str | None = None
         return Name(term)
     thing = read_thing(ontology, term)
     if thing is None and property_name is not None and is_of_unknown_kind(ontology, term):
+        if names_device(ontology, term, property_name):
+            return Thing(Kind.DEVICE, "Arm", _individual(ontology, term), expand("Arm"))
         thing = _unknown(ontology, term) if takes_things(ontology, property_name) else None
     return thing or Name(term)
 
@@ -143,6 +149,14 @@ def is_of_unknown_kind(ontology: Ontology, iri: str) -> bool:
     """True if neither the class, nor any class of the individual, has an ancestor in the vocabulary."""
     above = (ancestor for cls in classes_of(ontology, iri) for ancestor in ontology.ancestors(cls))
     return not any(is_vocabulary_class(ancestor) for ancestor in above)
+
+
+def names_device(ontology: Ontology, term: str, property_name: str) -> bool:
+    """True for the device of an action that is of unknown kind, but called an arm, hand or gripper: ``leftArm``."""
+    if local_name(property_name) not in DEVICE_PROPERTIES or not is_of_unknown_kind(ontology, term):
+        return False
+    words = {word for name in (term, *ontology.types(term)) for word in snake_case(local_name(name)).split("_")}
+    return not words.isdisjoint(("arm", "hand", "gripper"))
 
 
 def is_vocabulary_class(cls: str) -> bool:
@@ -412,7 +426,8 @@ def _parameter(ontology: Ontology, filling: Filling, created: frozenset[str]) ->
     if filler is None:
         return None
     property_name = shorten(filling.property)
-    if property_name == "bodyPartsUsed" and _is_device_term(ontology, filling.term):
+    is_device_filler = isinstance(filler, Thing) and filler.kind is Kind.DEVICE
+    if property_name == "bodyPartsUsed" and (is_device_filler or _is_device_term(ontology, filling.term)):
         property_name = "deviceUsed"
     return Parameter(property_name, filler, filling.span)
 
