@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 from planlang.designators import local_name, snake_case
 from planlang.kept import kept
-from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
+from planlang.ontology import BNode, Literal, Ontology, Restriction, Term, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, UPPER, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
 from planlang.recipe.statements import (
@@ -114,7 +115,9 @@ def read_filler(ontology: Ontology, term: Term, property_name: str | None = None
     """
     if isinstance(term, Literal):
         return read_literal(ontology, term, property_name)
-    if isinstance(term, BNode) or not ontology.defined(term):
+    if isinstance(term, BNode):
+        return read_described(ontology, term)
+    if not ontology.defined(term):
         return None
     if is_place(ontology, term):
         return read_place(ontology, term)
@@ -136,6 +139,34 @@ def read_thing(ontology: Ontology, iri: str) -> Thing | None:
             says_nothing = nearest in ANYTHING and shorten(cls) == cls  # but that it is a thing with a position
             return Thing(kind, cls if says_nothing else nearest, _individual(ontology, iri), cls)
     return None
+
+
+def read_described(ontology: Ontology, expression: BNode) -> Thing | None:
+    """Read an expression for things of a class that stand in relations to others: ``Cup and on-Physical value table1``.
+
+    None for any other expression.
+    """
+    named = [one for one in ontology.members(expression) if isinstance(one, str) and not isinstance(one, BNode)]
+    if len(named) != 1 or ontology.unread_parts(expression):
+        return None
+    is_class = ontology.is_class(named[0]) and not is_place(ontology, named[0])
+    thing = read_thing(ontology, named[0]) if is_class else None
+    where = tuple(_standing(ontology, one) for one in ontology.restrictions(expression))
+    if thing is None or thing.kind is not Kind.OBJECT or not where:
+        return None
+    related = tuple(sorted((one for one in where if one is not None), key=lambda one: (one[0], one[1].name)))
+    return replace(thing, where=related) if len(related) == len(where) else None
+
+
+def _standing(ontology: Ontology, restriction: Restriction) -> tuple[str, Thing] | None:
+    """Read a relation to one thing that a restriction requires; None for any other restriction."""
+    relation, term = _relation(restriction.property), restriction.filler
+    if relation is None or RELATIONS[relation].arity > 1 or restriction.kind not in KINDS:
+        return None
+    if restriction.cardinality not in (None, 1) or not isinstance(term, str) or isinstance(term, BNode):
+        return None
+    thing = None if is_place(ontology, term) else read_thing(ontology, term)
+    return None if thing is None else (relation, thing)
 
 
 def classes_of(ontology: Ontology, iri: str) -> tuple[str, ...]:
