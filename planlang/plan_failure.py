@@ -87,10 +87,10 @@ PlanFailure.__module__ = "planlang.failures"  # plans import it from there, and 
 
 
 def in_words(details: Mapping[str, Any]) -> str:
-    """Format the fields of a failure for its message: ``what`` first, without its name."""
+    """Format the fields of a failure for its message: ``what`` first, without its name; an arm as ``left arm``."""
     about = [_plain(details["what"])] if "what" in details else []
-    others = (f"{name.replace('_', ' ')} {_plain(value)}" for name, value in details.items() if name != "what")
-    return ", ".join([*about, *others])
+    others = (_field(name, value) for name, value in details.items() if name != "what")
+    return ", ".join(filter(None, [*about, *others]))
 
 
 def counts_in_words(counts: Mapping[str, int], blocking: Mapping[str, int]) -> str:
@@ -110,6 +110,12 @@ def attach_cleanup(error: BaseException, failures: Iterable[PlanFailure]) -> Non
         error.cleanup_failures += others
     for other in others:
         error.add_note(f"during cleanup: {type(other).__name__}: {other}{f' in {other.where}' if other.where else ''}")
+
+
+def _field(name: str, value: object) -> str:
+    if name == "arm" and isinstance(value, str):  # the only arm of a robot is called so, which tells nothing
+        return f"{value.removesuffix('arm').rstrip('_ ')} arm" if value != "arm" else ""
+    return f"{name.replace('_', ' ')} {_plain(value)}"
 
 
 def _plain(value: object) -> str:

@@ -37,6 +37,8 @@ class _Work:
     began: float
     most: float | None = None
     """Time limit [s], if any."""
+    ends: bool = False
+    """True if a report ends it."""
 
     @property
     def is_open(self) -> bool:
@@ -68,12 +70,13 @@ class Progress:
         """Take a report (:data:`planlang.progress.Report`)."""
         with self._lock:
             top = self._works[-1] if self._works else None
-            if share >= 1.0 or (share <= 0.0 and top is not None):
-                top = self._pop() if top is not None and not top.is_open else top
+            # work with a share that begins anew replaces one that was given up; work of unknown length is nested
+            if share >= 1.0 or (share <= 0.0 and top is not None and not top.is_open):
+                top = self._pop() if top is not None and top.ends else top
             if share >= 1.0:
                 return
-            if top is None or top.is_open:
-                self._push(_Work(lambda: what, share, share, self._clock()))
+            if top is None or top.is_open or math.isnan(share):
+                self._push(_Work(lambda: what, share, share, self._clock(), ends=True))
             else:
                 top.what, top.share = lambda: what, share
 

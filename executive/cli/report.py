@@ -7,12 +7,13 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from executive import api
 from executive.cli.arguments import ReportArguments
-from executive.cli.console import Answer, progress_of, say
+from executive.cli.console import Answer, progress_of, say, waiting
 from executive.options.declaring import check_written, values_of
 from executive.options.running import SituationSettings
 from executive.runs.files import RecipeFile, read, refuse
@@ -94,6 +95,7 @@ def _repeated(arguments: ReportArguments, recorded: RecordedRun, output: Path) -
             report=output,
             repeated=recorded,
             long_work=progress_of(arguments),
+            waiting=partial(waiting, arguments),
         )
         result = api.run(options)
     except BadInput as problem:

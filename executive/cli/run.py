@@ -7,10 +7,10 @@ from pathlib import Path
 
 from executive import api
 from executive.cli.arguments import RunArguments
-from executive.cli.console import Answer, ExitCode, printer_of, progress_of, show, silent
+from executive.cli.console import Answer, ExitCode, printer_of, progress_of, show, silent, waiting
 from executive.runs.options import Outcome, RunOptions, RunResult
 from planlang.diagnostics import Diagnostic
-from planlang.progress import unreported
+from planlang.progress import unreported, unwatched
 
 
 def command(arguments: RunArguments, *, recipes: tuple[Path, ...] = ()) -> Answer:
@@ -21,6 +21,7 @@ def command(arguments: RunArguments, *, recipes: tuple[Path, ...] = ()) -> Answe
         inner_actions=arguments.verbose,
         progress=silent if arguments.watch_tree else printer_of(arguments),
         long_work=unreported if arguments.watch_tree else progress_of(arguments),
+        waiting=unwatched if arguments.watch_tree else partial(waiting, arguments),
         announce=silent if arguments.json else partial(show, detail=arguments.detail),
     )
     result = api.run(options)

@@ -7,6 +7,7 @@ natural hand poses lead to nothing, more and more are considered (``BUDGETS``) b
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from copy import copy
@@ -75,8 +76,8 @@ class Resolver:
     """Turns locations into base poses, hand solutions and poses of objects."""
 
     def __init__(self, scene: PlanningScene, report: Report = unreported) -> None:
-        """``report`` gets the progress of reachability maps that have to be built."""
-        self.scene = scene
+        """``report`` gets the progress of searches, and of reachability maps that have to be built."""
+        self.scene, self._report = scene, report
         self.maps = InverseMaps(scene.robot.name, report)
         self._validator = BaseValidator(scene, self.maps)
         self._answers: Kept[Latest[Hashable, Replayable[Solution]]] = Kept(1)
@@ -113,11 +114,27 @@ class Resolver:
         """
         self._look(location)
         if log is not None:
-            return self._bases(location, Question(log))
+            return self._reported(location, self._bases(location, Question(log)))
         # enclosing actions restrict the grips, and say what designators by class mean
         question = location, tuple(actions_around()), self._meant(location)
         answers = self._answers.of(self.scene.content(), lambda: Latest(MOST_QUESTIONS))
-        return iter(answers.of(question, lambda: Replayable(lambda: self._bases(location, self._question(location)))))
+
+        def search() -> Iterator[Solution]:
+            return self._reported(location, self._bases(location, self._question(location)))
+
+        return iter(answers.of(question, lambda: Replayable(search)))
+
+    def _reported(self, location: Location, found: Iterator[Solution]) -> Iterator[Solution]:
+        """Report a search for base poses while it works on the next one."""
+        while True:
+            self._report(f"searching for a place to stand for {location}", math.nan)
+            try:
+                solution = next(found, None)
+            finally:
+                self._report("", 1.0)
+            if solution is None:
+                return
+            yield solution
 
     def look_at_unseen(self, location: Location) -> Solution | None:
         """Find a look at an unreachable thing known only from the map, since it may stand elsewhere; None without.

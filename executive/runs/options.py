@@ -22,7 +22,7 @@ from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.notebooks import framed
 from planlang.object_changes import state_word
 from planlang.outputs import PNG, check_outputs
-from planlang.progress import Report, unreported
+from planlang.progress import Report, Waiting, unreported, unwatched
 from planlang.protocols import RobotInterface
 from planlang.records import dataclass
 from planlang.runs import RecordedRun
@@ -58,6 +58,8 @@ class RunOptions(RunSettings):
     progress: Callable[[str], None] = lambda line: None
     long_work: Report = unreported
     """Gets the progress of long work: building reachability maps, encoding a video."""
+    waiting: Waiting = unwatched
+    """Entered while the plan runs, anew after each line of ``progress``."""
     announce: Callable[[Sequence[Diagnostic]], None] = lambda found: None
     """Gets diagnostics before the plan runs."""
     watchers: tuple[Callable[[Truth], None], ...] = ()
@@ -85,7 +87,9 @@ class RunOptions(RunSettings):
         shown: dict[str, Any] = {
             name: one.field.default for name, one in declared(RunSettings).items() if one.declared.is_shown
         }
-        unobserved = {name: getattr(RunOptions, name) for name in ("progress", "announce", "watchers", "listeners")}
+        unobserved = {
+            name: getattr(RunOptions, name) for name in ("progress", "waiting", "announce", "watchers", "listeners")
+        }
         return replace(self, **shown, **unobserved, world_as_left=False)
 
 

@@ -132,6 +132,7 @@ class Outputs(Written):
             self._poses.begin()
 
     def save(self, outcome: str, message: str, failure: PlanFailure | None = None) -> None:
+        super().save(outcome, message, failure)
         self._failure, self._ended = failure, (outcome, message)
         if self._noted:
             self._track.note(self._truth)

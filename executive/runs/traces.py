@@ -23,7 +23,7 @@ from planlang.runs import DamagedTrace, Different, Past, RecordedRun, Repetition
 from planlang.runs.codec import SCHEMA, load
 from planlang.runs.recorded_run import SPANS, OlderTrace
 from planlang.runs.repeating import OUTSIDE
-from planlang.runs.run_tree import belief_text, decision_text
+from planlang.runs.run_tree import DECISIONS, belief_text
 from planlang.runs.trace import Listener
 from planlang.words import Blank, Option, Text, calling
 
@@ -31,16 +31,21 @@ from planlang.words import Blank, Option, Text, calling
 def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Listener:
     """Make a listener that calls ``say`` with the world step and a line, for records of interest to people.
 
-    With ``inner`` also for actions that process modules perform inside others.
+    With ``inner`` also for actions that process modules perform inside others. A failure that ends several actions at
+    once has one line.
     """
+    told = (-1, "")
 
     def listen(record: Mapping[str, Any], node: Node | None) -> None:
+        nonlocal told
         is_span = record["event"] in SPANS and record["kind"] == "perform"
         if is_span and not inner and node is not None and is_inner(node):
             return
         line = line_of(record)
-        if line is not None:
-            say(record["step"], line)
+        if line is None or (record["event"] == "ended" and told == (record["step"], line)):
+            return
+        told = record["step"], line
+        say(*told)
 
     return listen
 
@@ -54,8 +59,8 @@ def line_of(record: Mapping[str, Any]) -> str | None:
             return f"failed: {kind}: {message}"
         case {"event": "started", "kind": "plan", "name": name}:
             return str(name)
-        case {"event": "recovery", "decision": decision} if decision != "none":
-            return f"recovery: {decision_text(decision)}"
+        case {"event": "recovery", "decision": decision} if decision in DECISIONS:
+            return DECISIONS[decision]
         case {"event": "answer", "asked": asked, "lost": lost} if str(asked).startswith(OUTSIDE):
             return f"cannot be resumed from here on: a result from outside cannot be stored as JSON: {lost}"
         case {"event": "resumed"}:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any
 
 from executive.runs.options import Tilts
 from executive.runs.parameters import Bound, things_of
 from executive.runs.prepared import RunFiles
 from executive.runs.traces import lines_of
 from planlang.failures import PlanFailure
+from planlang.kernel.tree import Node
 from planlang.runs.trace import Listener
 from sim import PyBulletWorld
 from sim.truth import Truth
@@ -29,8 +31,14 @@ class Written:
         self._options, self._truth = files.options, truth
         self._is_new = False
         """False while a repeated run catches up with its trace."""
+        self._actions: dict[int, str] = {}
+        """The actions that are being performed, by node."""
+        self._at_work = ExitStack()
+        """Shows on what the run works if no line is printed for long."""
+        self._at_work.enter_context(self._options.waiting(self._doing))
         self.watchers: list[Callable[[Truth], None]] = [tilts, *self._options.watchers]
         self.listeners: list[Listener] = [
+            self._note,
             lines_of(self._progress, inner=self._options.inner_actions),
             *self._options.listeners,
         ]
@@ -38,16 +46,32 @@ class Written:
     def _progress(self, step: int, line: str) -> None:
         if self._is_new:
             self._options.progress(f"{step / self._truth.rate:7.2f} s  {line}")
+            # the time that is shown is that since the last line
+            self._at_work.close()
+            self._at_work.enter_context(self._options.waiting(self._doing))
+
+    def _note(self, record: Mapping[str, Any], node: Node | None) -> None:
+        match record:
+            case {"event": "started", "kind": "perform", "node": number, "action": action}:
+                self._actions[number] = str(action)
+            case {"event": "ended", "kind": "perform", "node": number}:
+                self._actions.pop(number, None)
+
+    def _doing(self) -> str:
+        """Name the action that began last; the thread that shows it calls this at any time."""
+        action = next(reversed([*self._actions.values()]), None)
+        return "the run is at work" if action is None else f"still at {action}"
 
     def begin(self) -> None:
         """Start writing: the run has caught up with the trace that it repeats."""
         self._is_new = True
 
     def save(self, outcome: str, message: str, failure: PlanFailure | None = None) -> None:
-        """Write the files after the run, each atomically; the log of poses is written already.
+        """End the display of work, and write the files after the run, each atomically; poses are written already.
 
         ``outcome`` and ``message`` are those of the result, ``failure`` is that of the plan, if it failed.
         """
+        self._at_work.close()
 
 
 class WatchedWorld:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
+import re
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
 from enum import Enum
 from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from planlang.failures import CompositeFailure, LocationUnresolvable, PlanFailure
+from planlang.failures import CompositeFailure, HighLevelFailure, LocationUnresolvable, PlanFailure
 from planlang.kernel.core import here
 from planlang.kernel.primitives import called, node, record
 from planlang.language.branches import evaporating
@@ -318,22 +319,63 @@ def explain(failure: BaseException) -> str:
     """Format a failure in several lines: where it arose in the plan, its causes, and its simultaneous failures.
 
     A failure that was raised while an earlier one was handled, as in a cleanup, is followed by the earlier one with
-    ``after``, since that is not its cause. If the cause is a location that could not be found, the first line says why,
-    unless its own message does.
+    ``after``, since that is not its cause. The first line has at most :data:`MOST_WORDS` words. If the cause is a
+    location that could not be found, it says why, unless its own message does; the causes below do not repeat that.
     A failure that was raised again on its way to the caller is listed once.
     """
     _EXPLAIN.instance("failure", failure, BaseException, "a failure, or another exception")
-    lines: list[str] = []
     runs = _causal_runs(links_of(failure))
-    depth = 0
-    for run in runs:
-        for link in run:
-            lead = "because of " if link is not run[0] else "after " if depth else ""
-            lines.extend(_explain_one(link, lead, "  " * depth))
-            depth += 1
-    if (sentence := why_unresolvable(runs[0][1:])) and sentence not in lines[0]:
-        lines[0] += f"; {sentence}"
+    message = str(failure)
+    first, said = _first_sentence(message, _reason_of(runs[0]))
+    lines = [f"{type(failure).__name__}: {first}" if first else type(failure).__name__]
+    if not first.startswith(message):
+        lines.append(f"  in full: {message}")
+    lines.extend(_beside(failure, ""))
+    links = [("because of ", link) for link in runs[0][1:]]
+    links += [("because of " if number else "after ", link) for run in runs[1:] for number, link in enumerate(run)]
+    for depth, (lead, link) in enumerate(links, 1):
+        message, indent = str(link), "  " * depth
+        if said:  # the same reason is told once
+            message = "" if message == said else message.replace(f": {said}", "")
+        name = type(link).__name__
+        lines.append(f"{indent}{lead}{name}: {message}" if message else f"{indent}{lead}{name}")
+        lines.extend(_beside(link, indent))
     return "\n".join(lines)
+
+
+MOST_WORDS = 40
+"""Maximum number of words in the first line of an explanation, after the class of the failure."""
+_CLAUSE = re.compile(r"; | \(")
+
+
+def _first_sentence(message: str, reason: str) -> tuple[str, str]:
+    """Join a message and the reason to at most :data:`MOST_WORDS` words; also return the reason if it is said whole.
+
+    What is too long is cut between clauses. Of a long reason the last clause is kept first: it says what would help.
+    """
+    words = message.split()
+    if len(words) > MOST_WORDS:
+        heads = [message[: one.start()] for one in _CLAUSE.finditer(message)]
+        short = [head for head in heads if len(head.split()) <= MOST_WORDS]
+        return (short[-1] if short else f"{' '.join(words[:MOST_WORDS])} ...", "")
+    if not reason or reason in message:
+        return message, reason
+    measured, helping = (clauses := reason.split("; "))[0], clauses[-1]
+    for said in dict.fromkeys((reason, f"{measured}; {helping}" if len(clauses) > 1 else reason, helping, measured)):
+        if len(words) + len(said.split()) <= MOST_WORDS:
+            return f"{message}; {said}" if message else said, reason if said == reason else ""
+    return message, ""
+
+
+def _reason_of(links: Sequence[BaseException]) -> str:
+    """The reason for the first of ``links``, each caused by the next, that its own message does not tell."""
+    first, *causes = links
+    if sentence := why_unresolvable(causes):
+        return sentence
+    if isinstance(first, HighLevelFailure) and not first.message:
+        told = [one for one in causes if isinstance(one, PlanFailure) and not isinstance(one, LocationUnresolvable)]
+        return str(told[-1]) if told else ""
+    return ""
 
 
 def why_unresolvable(links: Iterable[BaseException]) -> str:
@@ -353,9 +395,8 @@ def _causal_runs(links: list[BaseException]) -> list[list[BaseException]]:
     return [each_once(run) for run in runs]
 
 
-def _explain_one(link: BaseException, lead: str, indent: str) -> Iterator[str]:
-    message = str(link)
-    yield f"{indent}{lead}{type(link).__name__}: {message}" if message else f"{indent}{lead}{type(link).__name__}"
+def _beside(link: BaseException, indent: str) -> Iterator[str]:
+    """Yield lines for the place of a failure, and for those that arose with it."""
     if not isinstance(link, PlanFailure):
         return
     if link.where is not None:

@@ -48,8 +48,10 @@ class Failures:
     def _entry(self, failure: Mapping[str, Any]) -> dict[str, Any]:
         chain = [self._link(link) for link in _chain(failure)]
         advice = [link["advice"] for link in chain if "advice" in link]
-        # a search for a base pose only counts candidates: the failure that started the search says more
-        plain = [link for link in chain if link["type"] != LocationUnresolvable.__name__] or chain
+        # a search for a base pose only counts candidates, and other errors have the words of programs: the failure
+        # that started the search, or that was made of the error, says more
+        told = [link for link in chain if "where" in link] or chain
+        plain = [link for link in told if link["type"] != LocationUnresolvable.__name__] or told
         return {"headline": advice[0] if advice else plain[-1]["message"] or plain[-1]["type"], "chain": chain}
 
     def _link(self, failure: Mapping[str, Any]) -> dict[str, Any]:

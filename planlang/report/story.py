@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from planlang.report.failures import Failures
 from planlang.report.tree import is_origin, pose_text, shown
 from planlang.report.wording import Wording, duration
-from planlang.runs.run_tree import Happened, RunTree, TaskNode, belief_text
+from planlang.runs.run_tree import DECISIONS, Happened, RunTree, TaskNode
 
 
 def story_of(tree: RunTree, wording: Wording, failures: Failures, end: float) -> list[list[Any]]:
     """Write the sentences in the order of the trace: [time s, node or None, text, kind].
 
     Activities of process modules inside an action are left out. A failed step has a sentence at its start, and one with
-    the cause at its end.
+    the cause at its end; steps that fail one after the other for the same reason tell it once.
     """
     sentences = [one for root in tree.roots for one in _ends(root, failures, end)]
     for node in tree.numbered.values():
@@ -25,22 +25,44 @@ def story_of(tree: RunTree, wording: Wording, failures: Failures, end: float) ->
     for one in tree.belief:
         if one.details.get("change") in _LEARNT:
             time = round(one.step / tree.rate, 4)
-            sentences.append((one.place, [time, None, f"Belief: {shown(belief_text(one.details))}.", "belief"]))
-    return [sentence for _, sentence in sorted(sentences, key=lambda one: one[0])]
+            sentences.append((one.place, [time, None, _sentence(_learnt(one.details)), "belief"]))
+    ordered = [sentence for _, sentence in sorted(sentences, key=lambda one: one[0])]
+    return [*_each_reason_once(ordered)]
 
 
 _Placed = tuple[float, list[Any]]
 """Position of a record in the trace, and the sentence about it."""
 
-_DECIDED = {
-    "retry": "The step that failed is tried again",
-    "used up": "The step is not tried again: it has failed as often as its recovery allows",
-    "failed": "The recovery fails as well",
-    "return": "The plan goes on without the step that failed",
+_LEARNT = {
+    "seen": "the robot sees {}",
+    "found": "the robot finds {}",
+    "felt": "the robot feels {}",
+    "grasped": "the robot holds {}",
+    "released": "the robot lets go of {}",
+    "slipped": "{} slips in the hand",
+    "dropped": "{} falls out of the hand",
+    "not there": "{} is not where it was believed to be",
 }
-"""Sentences about the decisions of recoveries."""
+"""What the robot learns of a thing, as sentences."""
+_FAILS = " fails: "
 
-_LEARNT = frozenset({"seen", "found", "felt", "not there", "grasped", "released", "slipped", "dropped"})
+
+def _learnt(details: Mapping[str, Any]) -> str:
+    if (person := details.get("to")) is not None:
+        return f"the robot hands {shown(details.get('name', 'something'))} to {shown(person)}"
+    return _LEARNT[details["change"]].format(shown(details.get("name", "something")))
+
+
+def _each_reason_once(sentences: Iterable[list[Any]]) -> Iterator[list[Any]]:
+    """Refer to the reason of a failure that was told last, instead of telling it again."""
+    last = ""
+    for time, node, text, kind in sentences:
+        step, fails, reason = text.partition(_FAILS)
+        if kind != "cause" or not fails:
+            yield [time, node, text, kind]
+        else:
+            yield [time, node, f"{step} fails for the same reason." if reason == last else text, kind]
+            last = reason
 
 
 def _ends(root: TaskNode, failures: Failures, end: float) -> Iterator[_Placed]:
@@ -72,8 +94,8 @@ def _steps(node: TaskNode, wording: Wording, failures: Failures) -> Iterator[_Pl
             text = _sentence(f"{wording.of(node)}: {how}")
             yield node.first, [round(node.start or 0.0, 4), node.number, text, mood]
     if node.failure is not None and node.parent is not None and (node.kind == "perform" or _is_bare(node)):
-        name = "the search for a place" if node.kind == "at_location" else shown(node.name.partition("#")[0], 80)
-        why = _sentence(f"{name} fails: {failures.lowered(node)}")
+        name = "the search for a place" if node.kind == "at_location" else wording.of(node)
+        why = _sentence(f"{name}{_FAILS}{failures.lowered(node)}")
         yield node.last, [round(node.end or 0.0, 4), node.number, why, "cause"]
 
 
@@ -86,18 +108,19 @@ def _is_bare(node: TaskNode) -> bool:
 
 
 def _happened(node: TaskNode, rate: float) -> Iterator[_Placed]:
-    for one in node.happened:
-        text = _event(one)
+    for before, one in zip((None, *node.happened), node.happened, strict=False):
+        text = _event(one, before)
         if text is not None:
             yield one.place, [round(one.step / rate, 4), node.number, _sentence(text[0]), text[1]]
 
 
-def _event(one: Happened) -> tuple[str, str] | None:
+def _event(one: Happened, before: Happened | None) -> tuple[str, str] | None:
     match one.event, one.details:
         case "attempt", {"attempt": int(number)} if number > 1:
-            return f"The plan tries again: attempt {number}", "recovery"
-        case "recovery", {"decision": str(decision)} if decision not in ("none", "propagate"):
-            return _DECIDED.get(decision, f"A recovery decides: {shown(decision)}"), "recovery"
+            is_told = before is not None and before.details.get("decision") == "retry"
+            return None if is_told else (f"The plan tries again: attempt {number}", "recovery")
+        case "recovery", {"decision": str(decision)} if decision in DECISIONS and decision != "propagate":
+            return DECISIONS[decision], "recovery"
         case "solution", {"base": list(base), "attempt": int(number)}:
             ordinal = "a" if number == 1 else "another"
             return (
@@ -105,7 +128,8 @@ def _event(one: Happened) -> tuple[str, str] | None:
                 "recovery" if number > 1 else "begin",
             )
         case "no more poses", _:
-            return "There is no other place to stand", "cause"
+            tried = before is not None and before.event in ("solution", "pose failed")
+            return f"There is no {'other ' if tried else ''}place to stand", "cause"
     return None
 
 

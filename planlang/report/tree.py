@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from planlang.designators import local_name
-from planlang.runs.run_tree import Happened, RunTree, TaskNode, belief_text, decision_text
+from planlang.runs.run_tree import DECISIONS, Happened, RunTree, TaskNode, belief_text
 
 Held = tuple[str, TaskNode, int, int | None]
 """A resource, the node that held it, and its first and last step."""
@@ -163,14 +163,14 @@ def event_text(one: Happened) -> str | None:
     match one.event, one.details:
         case "attempt", {"attempt": int(number)}:
             return f"attempt {number}" if number > 1 else None
-        case "recovery", {"decision": "propagate"}:
-            return shown(f"the recovery gives up{because}")
         case "recovery", {"decision": str(decision)}:
-            return shown(f"recovery: {decision_text(decision)}{because}") if decision != "none" else None
+            return shown(f"{DECISIONS[decision]}{because}") if decision in DECISIONS else None
         case "solution", {"base": list(base), "attempt": int(number), **more}:
             return shown(f"base pose {number}: {pose_text(base)}{_arm(more.get('detail'))}")
-        case "pose failed" | "no more poses", _:
-            return shown(f"{one.event}{because}")
+        case "pose failed", _:
+            return shown(f"nothing came of this place{because}")
+        case "no more poses", _:
+            return shown(f"there is no further place to stand{because}")
         case "transition", {"state": str(state), "to": to, **more}:
             return shown(f"{state} to {to}: {more.get('outcome', '')}{because}")
         case "plan" | "request" | "acquired" | "released", _:

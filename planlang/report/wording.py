@@ -11,6 +11,7 @@ from planlang.report.tree import class_of, pose_text, properties_text, shown
 from planlang.runs.run_tree import TaskNode
 
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z0-9]+|[^\sA-Za-z0-9_-]+")
+_RELATION = re.compile(r"(?:\bto )?\b([a-z_]+)\((\w+)\)")
 _POSE = re.compile(r"[^(]+\(x=([-\d.]+), y=([-\d.]+), yaw=([-\d.]+)\)")
 _SHORT = {"object_acted_on": "", "to_location": "to ", "device_used": "with "}
 LONGEST = 160
@@ -27,16 +28,21 @@ class Wording:
     def of(self, node: TaskNode) -> str:
         """Describe the action of a node, with its goal if that is a pose of the base.
 
-        A label of the vocabulary fits many actions, so the parameters of the action follow it.
+        A label of the vocabulary, or a name, fits many actions, so the parameters of the action follow it.
         """
         cls, action = class_of(node) or "", str(node.parameters.get("action", ""))
         pose = _POSE.fullmatch(action)
         about = f"to {pose_text([float(one) for one in pose.groups()])}" if pose else ""
         what = self.labels.get(cls)
-        if what is None and (what := self.vocabulary.get(cls)) is not None and not pose and action.endswith(")"):
-            inside = action.partition("(")[2].removesuffix(")")
-            about = properties_text(inside, _SHORT)
+        if what is None and not pose and action.endswith(")"):
+            about = _at(properties_text(action.partition("(")[2].removesuffix(")"), _SHORT))
+        what = what or self.vocabulary.get(cls)
         return shown(what or words(node.name), LONGEST) + (f" ({shown(about, LONGEST)})" if about else "")
+
+
+def _at(about: str) -> str:
+    """Write relations to a thing in words: ``to in_front_of(cup1)`` becomes ``in front of cup1``."""
+    return _RELATION.sub(lambda found: f"{found[1].replace('_', ' ')} {found[2]}", about)
 
 
 def duration(node: TaskNode) -> str:

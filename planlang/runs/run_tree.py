@@ -200,9 +200,14 @@ class RunTree:
         return node
 
 
-def decision_text(decision: str) -> str:
-    """Name a decision of a recovery that an event has."""
-    return "no attempts left" if decision == "used up" else decision
+DECISIONS = {
+    "retry": "the step that failed is tried again",
+    "used up": "the step is not tried again: it has failed as often as its recovery allows",
+    "failed": "the recovery fails as well",
+    "return": "the plan goes on without the step that failed",
+    "propagate": "the recovery gives up",
+}
+"""What follows from the decision of a recovery; of other decisions nothing is told."""
 
 
 CLOSED = 0.03
@@ -221,6 +226,8 @@ def belief_text(details: Mapping[str, Any]) -> str:
     """Describe a change of the belief, without punctuation: ``bottle1 seen``."""
     name = details.get("name", "something")
     match details:
+        case {"change": "released", "to": str(person)}:
+            return f"{name} handed to {person}"
         case {"change": "switched", "state": str(state)}:
             return f"{name} {state_word(state)}"
         case {"change": "led" | "moved", "value": int() | float() as value}:

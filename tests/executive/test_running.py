@@ -9,7 +9,8 @@ import re
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -103,7 +104,7 @@ def test_the_trace_tells_what_was_learnt_and_held(served: Served) -> None:
 
 def test_progress_tells_people_what_is_done_in_order(served: Served) -> None:
     text = "\n".join(served.progress)
-    order = ["ReachForBottle", "CloseGripper", "bottle1 grasped", "HandOverBottle", "bottle1 released"]
+    order = ["ReachForBottle", "CloseGripper", "bottle1 grasped", "HandOverBottle", "bottle1 handed to patient1"]
     places = [text.index(word) for word in order]
     assert places == sorted(places)
     assert all(re.match(r" *\d+\.\d\d s  ", line) for line in served.progress)
@@ -340,6 +341,25 @@ def test_a_reader_of_progress_who_hangs_up_ends_the_run_with_a_complete_trace(tm
     assert_complete(records_of(tmp_path / "run.jsonl"))
 
 
+def test_between_two_lines_of_progress_the_run_says_at_which_action_it_works() -> None:
+    lines: list[str] = []
+    said_at_work: list[str] = []
+    entered: list[int] = []
+
+    @contextmanager
+    def waiting(what: Callable[[], str], most: float | None = None) -> Iterator[None]:
+        entered.append(len(lines))
+        yield
+        said_at_work.append(what())
+
+    result = run_plan_file(replace(BUNDLED, progress=lines.append, waiting=waiting))
+    assert result.outcome is Outcome.DONE
+    assert entered == list(range(len(lines) + 1)), "anew after each line"
+    assert len(said_at_work) == len(entered), "and it ends with the run"
+    grasp = next(number for number, line in enumerate(lines) if "GraspBottle(" in line)
+    assert said_at_work[grasp + 1].startswith("still at GraspBottle("), said_at_work
+
+
 def test_a_robot_without_grippers_is_told_what_it_lacks_before_anything_moves(tmp_path: Path) -> None:
     urdf, robot = tmp_path / "handless.urdf", tmp_path / "handless.omn"
     shape = (AMIGO.parent / "amigo.urdf").read_text(encoding="utf-8")
@@ -393,8 +413,11 @@ def test_a_run_ends_with_what_a_listener_raises_and_the_others_are_told_on() -> 
             "failed: ObjectNotFound: no bottle1",
         ),
         ({"event": "ended", "kind": "perform", "status": "succeeded"}, None),
-        ({"event": "recovery", "decision": "retry"}, "recovery: retry"),
-        ({"event": "recovery", "decision": "used up"}, "recovery: no attempts left"),
+        ({"event": "recovery", "decision": "retry"}, "the step that failed is tried again"),
+        (
+            {"event": "recovery", "decision": "used up"},
+            "the step is not tried again: it has failed as often as its recovery allows",
+        ),
         ({"event": "belief", "change": "seen", "name": "bottle1"}, "  belief: bottle1 seen"),
         ({"event": "belief", "change": "leads", "name": "drawer1"}, "  belief: drawer1 held by its handle"),
         ({"event": "belief", "change": "led", "name": "drawer1", "value": 0.4}, "  belief: drawer1 open"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 
 import pytest
 from cli_runs import invoke
@@ -90,6 +91,26 @@ def test_inner_work_is_shown_until_it_ends(
         progress("", 1.0)
         at(progress, clock, 21.0)
     assert capsys.readouterr().err.splitlines() == ["building: 50%, 10 s left", "searching: 21 s"]
+
+
+def test_reported_work_whose_end_is_unknown_is_shown_with_its_time_until_a_report_ends_it(
+    progress: Progress, clock: Clock, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with progress.during(lambda: "still at Grasp"):
+        progress("searching", math.nan)
+        at(progress, clock, 10.0)
+        at(progress, clock, 11.0, 0.0)  # a map that the search needs
+        at(progress, clock, 21.0, 0.5)
+        progress("", 1.0)
+        at(progress, clock, 31.0)
+        progress("", 1.0)
+        at(progress, clock, 41.0)
+    assert capsys.readouterr().err.splitlines() == [
+        "searching: 10 s",
+        "building: 50%, 10 s left",
+        "searching: 31 s",
+        "still at Grasp: 41 s",
+    ]
 
 
 @pytest.mark.parametrize("option", some(["--quiet", "--json"]))

@@ -118,7 +118,7 @@ def test_the_events_of_a_failed_run_end_with_the_failure_and_its_causes(tmp_path
     begins = [
         printed.index(text)
         for text in (
-            "recovery: propagate",
+            "the recovery gives up",
             "ObjectUnreachable: the object",
             "  because of LocationUnresolvable: no place",
         )

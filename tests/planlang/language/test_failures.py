@@ -105,11 +105,11 @@ def test_an_explanation_shows_chain_places_siblings_and_members() -> None:
     with pytest.raises(ObjectUnreachable) as caught:
         run(serve, host=VirtualHost())
     lines = explain(caught.value).splitlines()
-    assert lines[0] == "ObjectUnreachable: the object cannot be reached: cup"
+    assert lines[0] == "ObjectUnreachable: the object cannot be reached: cup; the gripper closed on nothing: left arm"
     assert lines[1].startswith("  in serve (test_failures.py:")
-    assert lines[2] == "  because of GraspMissed: the gripper closed on nothing: arm left"
+    assert lines[2] == "  because of GraspMissed", "the reason is told once"
     assert lines[3].startswith("    in serve/par/left (test_failures.py:")
-    assert lines[4] == "    at the same time, right: GraspMissed: the gripper closed on nothing: arm right"
+    assert lines[4] == "    at the same time, right: GraspMissed: the gripper closed on nothing: right arm"
 
 
 def test_the_failure_before_a_failing_cleanup_is_explained_as_what_went_before() -> None:
@@ -153,6 +153,40 @@ def test_the_first_line_of_an_explanation_says_what_was_measured_of_the_location
     failure = ObjectUnreachable(what="cup1")
     failure.__cause__ = LocationUnresolvable(designator="in_reach_of(cup1)", figures="cup1 is at 2.23 m")
     assert explain(failure).splitlines()[0].endswith("cup1; cup1 is at 2.23 m")
+
+
+def explained(figures: str, what: str = "cup1") -> list[str]:
+    failure = ObjectUnreachable(what=what)
+    failure.__cause__ = LocationUnresolvable(
+        designator="in_reach_of(cup1)", figures=figures, counts={"out of reach": 3}
+    )
+    return explain(failure).splitlines()
+
+
+def test_an_explanation_tells_the_reason_of_its_first_line_once() -> None:
+    lines = explained("cup1 is at 2.23 m")
+    assert (
+        lines[1]
+        == "  because of LocationUnresolvable: no place found for in_reach_of(cup1) (3 candidates: 3 out of reach)"
+    )
+
+
+@pytest.mark.parametrize("words", [20, 30, 60])
+def test_the_first_line_of_an_explanation_has_at_most_40_words_and_what_would_help(words: int) -> None:
+    figures = f"cup1 is high; {'and so on ' * (words // 3)}; moved 0.2 m, cup1 could be reached"
+    first, below = explained(figures)
+    assert len(first.split()) <= 41, "with the class of the failure"
+    assert first.endswith("; moved 0.2 m, cup1 could be reached")
+    assert (figures in below) is not (figures in first)
+
+
+def test_a_message_of_more_than_40_words_is_told_in_full_below() -> None:
+    long = f"it is so: {'very ' * 30}high; it is so {'very ' * 30}wide"
+    assert explain(PlanFailure(long)).splitlines() == [f"PlanFailure: {long.partition(';')[0]}", f"  in full: {long}"]
+    first, full = explain(PlanFailure(f"it is {'very ' * 60}high")).splitlines()
+    assert len(first.split()) == 42
+    assert first.endswith(" ..."), "there is no clause at which it could end"
+    assert full.endswith("very high")
 
 
 def test_causes_that_are_no_plan_failures_and_failures_during_cleanup_are_explained() -> None:

@@ -83,7 +83,7 @@ def test_a_tree_is_printed_with_times_and_each_failure_where_it_arose() -> None:
     ]
     assert "      Reaching(x=1.0): 0 to 1 s, succeeded" in lines
     assert f"          Close, ClosingAGripper(): 1 to 1.5 s, failed with GraspMissed: {'x' * 99}" in lines
-    assert lines[-1] == "        grasp: 1.5 to 2.5 s, failed with GraspMissed: the gripper closed on nothing: arm left"
+    assert lines[-1] == "        grasp: 1.5 to 2.5 s, failed with GraspMissed: the gripper closed on nothing: left arm"
     (closed,) = [node for node in tree if node.name == "Close" and node.kind == "perform"]
     assert closed.summary(10) == "1 to 1.5 s, failed with GraspMissed: xxxxxxx..."
     cut = TaskTree.of([event for event in run.events if event["event"] != "ended"])
@@ -113,7 +113,7 @@ def test_a_failed_node_keeps_its_failure_and_says_it() -> None:
     assert (node.status, node.kind) == ("failed", "tag")
     assert node.failure is not None
     assert node.failure["type"] == "GraspMissed"
-    assert node.reason == "GraspMissed: the gripper closed on nothing: arm left"
+    assert node.reason == "GraspMissed: the gripper closed on nothing: left arm"
 
 
 def test_states_and_performs_are_nodes_too(executive: Any, module: Any) -> None:

@@ -19,7 +19,13 @@ from planlang import Recovery, at_location, par, perform, plan, sleep
 from planlang.compiler.compile import compile_recipe
 from planlang.designators import a_location, action, an_object
 from planlang.diagnostics import note
-from planlang.failures import GraspMissed, HandoverNotTaken, MissingCapability, ObjectNotFound
+from planlang.failures import (
+    GraspMissed,
+    HandoverNotTaken,
+    ManipulationPoseUnreachable,
+    MissingCapability,
+    ObjectNotFound,
+)
 from planlang.files import Bundled
 from planlang.language.source import PlanSource
 from planlang.ontology import load
@@ -107,7 +113,7 @@ def test_a_long_list_of_what_was_tried_has_the_latest_and_the_number_of_the_othe
 
 def test_actions_have_the_words_of_the_recipe_else_of_the_vocabulary_with_what_they_are_about() -> None:
     node = TaskNode("Perceiving", "perform", None, parameters={"action": "Perceiving(object_acted_on=cup1)"})
-    assert Wording().of(node) == "perceiving"
+    assert Wording().of(node) == "perceiving (cup1)"
     vocabulary = {"Perceiving": "looking at something"}
     assert Wording(vocabulary=vocabulary).of(node) == "looking at something (cup1)"
     assert Wording({"Perceiving": "check the cup"}, vocabulary).of(node) == "check the cup"
@@ -120,6 +126,28 @@ def test_a_property_that_is_simply_true_is_told_by_its_name() -> None:
     assert (
         Wording(vocabulary={"SettingAsideAnObject": "putting down"}).of(node) == "putting down (by another grip, cup1)"
     )
+
+
+def test_relations_of_an_action_are_told_in_words() -> None:
+    asked = "Reaching(object_acted_on=tall_cup1, to_location=in_front_of(tall_cup1))"
+    node = TaskNode("Reaching", "perform", None, parameters={"action": asked})
+    assert Wording().of(node) == "reaching (tall_cup1, in front of tall_cup1)"
+
+
+def test_steps_that_fail_together_tell_the_reason_once() -> None:
+    run = run_plan(compiled("fetch_from_cabinet"), script=Script().on("Reaching", fails=ManipulationPoseUnreachable))
+    told = [text for _, _, text, kind in model_of(Told.of(run.events))["story"] if kind == "cause"]
+    assert sum("cannot reach the pose" in text for text in told) == 1, told
+    assert told[-1].endswith(" fails for the same reason.")
+
+
+def test_a_story_tells_to_whom_a_thing_was_handed() -> None:
+    told = Told.of(run_plan(fetch).events)
+    place = {"step": 1, "event": "belief", "revision": 1, "change": "released", "name": "cup1"}
+    told.add(place | {"to": "child1"})
+    told.add(place | {"to": None})
+    said = [text for _, _, text, kind in model_of(told)["story"] if kind == "belief"]
+    assert said == ["The robot hands cup1 to child1.", "The robot lets go of cup1."]
 
 
 def test_a_story_tells_in_sentences_what_recoveries_decide() -> None:
@@ -149,7 +177,7 @@ def test_a_story_goes_by_the_trace_and_ends_with_the_plan() -> None:
     assert [time for time, *_ in story] == sorted(time for time, *_ in story)
     assert story[-1][3] == "closing"
     failed = [(time, text) for time, _, text, kind in story if kind == "cause"]
-    assert failed[0] == (1.5, "ClosingAGripper fails: the gripper closed on nothing.")
+    assert failed[0] == (1.5, "Closing a gripper fails: the gripper closed on nothing.")
 
 
 def test_notes_of_a_run_and_the_remedy_for_a_missing_part_are_in_the_page() -> None:
@@ -167,7 +195,7 @@ def test_notes_of_a_run_and_the_remedy_for_a_missing_part_are_in_the_page() -> N
 
 def test_a_story_says_why_before_what_was_done_about_it() -> None:
     told = [text for _, _, text, _ in fetched(1)["story"]]
-    why = told.index("ClosingAGripper fails: the gripper closed on nothing.")
+    why = told.index("Closing a gripper fails: the gripper closed on nothing.")
     assert told[0] == "The plan fetch begins."
     assert told[why + 1] == "The step that failed is tried again."
     assert told[-1] == "The plan is done after 2.5 s."

@@ -164,8 +164,8 @@ def test_a_failure_is_told_with_place_members_and_chain_of_causes() -> None:
     told = encode(failure)
     assert told["type"] == "ObjectUnfetchable"
     assert told["cause"]["members"] == {
-        "l": "GraspMissed: the gripper closed on nothing: arm left",
-        "r": "GraspMissed: the gripper closed on nothing: arm right",
+        "l": "GraspMissed: the gripper closed on nothing: left arm",
+        "r": "GraspMissed: the gripper closed on nothing: right arm",
     }
 
 
