@@ -232,8 +232,11 @@ class KnownThings:
         return Object(shorten(thing.types[0]) if thing.types else "EnduringThing-Localized", thing.iri)
 
     def of_class(self, what: Object) -> tuple[str, ...]:
-        """List the objects of a designator's class, in the order of the map."""
-        return tuple(thing.name for thing in self.things if thing.name in self._poses and self.is_a(thing, what.type))
+        """List the objects of a designator's class that are where it says, in the order of the map."""
+        fitting = (one.name for one in self.things if one.name in self._poses and self.is_a(one, what.type))
+        if what.where is None or self.purposes is None:
+            return tuple(fitting)
+        return tuple(name for name in fitting if self.purposes.is_at(what.where, self.designator(name)))
 
     def _find(self, what: Object, near: BasePose, choice: Choice | None = None) -> str | None:
         placed = [thing for thing in self.things if thing.name in self._poses]
@@ -245,6 +248,9 @@ class KnownThings:
             for thing in named or placed
             if self.is_a(thing, what.type)
         }
+        if what.where is not None:
+            right = self.of_class(what)
+            distances = {name: distance for name, distance in distances.items() if name in right}
         if not distances or self._missing(what) is not None:
             return None
         if choice is not None:
@@ -258,6 +264,10 @@ class KnownThings:
 
     def _container(self, what: Object, near: BasePose) -> str:
         """Find the nearest object that contains the substance of a designator."""
+        if what.where is not None:
+            others = ", ".join(self.of_class(replace(what, where=None))) or "none"
+            told = f"no {what.name} is known to be {what.where}; known of this class: {others}"
+            raise ObjectUnresolvable(told, designator=str(what))
         individual = self._missing(what)
         containers = [
             name

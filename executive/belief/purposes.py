@@ -73,6 +73,10 @@ class Purposes:
         """Check whether all aims of a purpose hold already if a designator means an individual ``thing``."""
         return purpose is not None and all(self._holds(aim, what, thing) for aim in purpose.aims)
 
+    def is_at(self, where: Location, thing: Object) -> bool:
+        """Check whether a thing is at a location by itself, in no hand."""
+        return self._decides(LOCATED, where, thing) and not self._decides(HOLDING, thing)
+
     def _patterns(self, action: Action) -> Iterator[Pattern]:
         """Yield the conditions that an action brings about whatever was before, if they can be decided."""
         for cls in self._ancestors(action.type):
@@ -88,7 +92,7 @@ class Purposes:
         is_one = isinstance(moved, Object) and (moved == thing or moved.iri is not None)
         moved_things = (moved,) if is_one or not isinstance(moved, Object) else self._individuals(moved)
         where = resting_on(place)
-        return any(self._decides(LOCATED, where, one) and not self._decides(HOLDING, one) for one in moved_things)
+        return any(self.is_at(where, one) for one in moved_things if isinstance(one, Object))
 
     def _decides(self, predicate: str, *about: Object | Location) -> bool:
         with suppress(DesignatorFailure):

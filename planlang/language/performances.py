@@ -51,6 +51,7 @@ def by_class(fillers: Iterable[object]) -> Iterator[Object]:
         match filler:
             case Object(iri=None) if type(filler) is Object:
                 yield filler
+                yield from () if filler.where is None else by_class(filler.where.things())
             case Location():
                 yield from by_class(filler.things())
             case Situation():

@@ -240,6 +240,20 @@ def test_each_round_puts_a_cup_on_another_plate(room: Room) -> None:
     assert sorted(onto) == ["plate1", "plate2"]
 
 
+def test_a_cup_that_is_somewhere_is_one_that_stands_there_when_it_is_chosen(room: Room) -> None:
+    stage, hands = room(standing("cup1", -1.8, 0.0), *CUPS[1:])
+    there = an_object("Cup", where=a_location(on=THERE))
+
+    async def twice() -> None:
+        for _ in range(2):
+            await perform(action("PickingUpAnObject", object_acted_on=there))
+            await bring(there, HERE)
+
+    with pytest.raises(ObjectUnresolvable, match=r"no Cup is known to be on\(there\); known of this class: cup1, cup2"):
+        stage.run(twice)
+    assert [name for _, name in hands.did] == ["cup1", "cup1"]
+
+
 def test_what_was_meant_survives_a_stored_state(room: Room) -> None:
     stage, _ = room(*CUPS)
     fresh = stage.belief.supposing(stage.belief.state)

@@ -30,12 +30,20 @@ def one_of_several(checked: CheckedRecipe) -> Iterator[Diagnostic]:
                         f"the loop goes on while any `{local_name(cls)}` is seen, also one with which `{step.name}` is"
                         " done; then it fails, as none is left"
                     )
-                    advice = "check from where what is done cannot be seen, or state a transition for the failure"
+                    advice = (
+                        f"say where it has to be in the condition: `some ({local_name(cls)} and on-Physical value X)`,"
+                        " or check from where what is done cannot be seen"
+                    )
                     yield warning("R069", message, parameter.span, advice)
 
 
 def _classes(parameters: tuple[Parameter, ...]) -> Iterator[tuple[str, Parameter]]:
     """Yield the classes of objects that are given by their class alone."""
     for one in parameters:
-        if isinstance(one.filler, Thing) and one.filler.iri is None and one.filler.kind is Kind.OBJECT:
+        if (
+            isinstance(one.filler, Thing)
+            and one.filler.iri is None
+            and one.filler.kind is Kind.OBJECT
+            and not one.filler.where
+        ):
             yield one.filler.stated, one
