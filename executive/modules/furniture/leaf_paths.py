@@ -227,9 +227,14 @@ class LeafPaths:
         bases, coarse, reached, strain = bases[kept], coarse[kept], reached[kept], strain[kept]
         steps = np.minimum(reached, self._unswept(bases, values))
         self.rejected.count([SWEPT] * int((steps <= 1).sum()))
-        order = np.lexsort((strain.round(6), ~coarse, -np.minimum(steps, enough)))
+        order = np.lexsort((strain.round(6), ~coarse, -np.minimum(steps, enough), self._beyond(joint, bases)))
         order = order[steps[order] > 1]
         return bases[order], steps[order]
+
+    def _beyond(self, joint: Articulation, bases: Array) -> NDArray[np.bool_]:
+        """Mark the bases (m, 3) to which no path surely leads: those behind a door between rooms that is half open."""
+        surely = self._scene.collisions.has_way
+        return np.array([bool(joint.frame) and not surely((x, y, yaw)) for x, y, yaw in bases.tolist()], bool)
 
     def _unswept(self, bases: Array, values: Array) -> NDArray[np.intp]:
         """Count the leading values (m,) at which the leaf does not overlap bases (m, 3), approximated by circles."""
