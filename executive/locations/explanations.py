@@ -77,7 +77,9 @@ def explain_bases(
     helping = ""
     # what closes the way is named already, and nothing that is done to the thing opens it
     if is_feasible is not None and not (reason == NO_WAY and explanation.closing is not None):
-        helping = Changes(wanted[0].body, scene, log, is_feasible, needed=needed).helping()
+        changes = Changes(wanted[0].body, scene, log, is_feasible, needed=needed)
+        log.first, helping = changes.by_the_robot()
+        helping = helping or changes.helping()
     if not helping and (instead := explanation.excluded() or explanation.no_hold()):
         measured = instead
     if measured or helping:
