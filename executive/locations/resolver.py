@@ -184,8 +184,8 @@ class Resolver:
         """Raise BehindClosedDoor if the base cannot drive there because a door between rooms is shut."""
         door = shut_on_the_way(self.scene, partial(self.is_possible, location)) if log.counts[NO_WAY] else None
         if door is not None:
-            meant = (*(reach.body for reach in demand.reaches), *demand.seen, str(location))
-            raise BehindClosedDoor(designator=str(location), what=meant[0], door=self.scene.bodies.designator(door))
+            names = (*(reach.body for reach in demand.reaches), *(one.name for one in location.things()), str(location))
+            raise BehindClosedDoor(designator=str(location), what=names[0], door=self.scene.bodies.designator(door))
 
     def _question(self, location: Location) -> Question:
         """Start a new question about a location."""

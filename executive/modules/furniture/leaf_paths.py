@@ -90,9 +90,9 @@ class LeafPaths:
     def towards(self, value: float, arms: Sequence[ArmModel], sufficient: float) -> Iterator[LeafPath | None]:
         """Yield paths that move the leaf from its believed value to ``value``; None between batches.
 
-        Paths that reach ``sufficient`` come as they are found, shorter ones at the end, longest first; of a door between
-        rooms also those that go a good part of the way, as it takes several base poses to move one. Grips that need
-        less room are tried only if the others allow no path.
+        Paths that reach ``sufficient`` come as they are found, shorter ones at the end, longest first; those of a door
+        between rooms also if they go a good part of the way, as it takes several base poses to move one. Grips that
+        need less room are tried only if the others allow no path.
         """
         joint = self._joint
         self._tried = tuple(arms)
