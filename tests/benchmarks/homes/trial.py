@@ -58,6 +58,18 @@ def job(world: dict[str, Any]) -> dict[str, Any]:
     return run(case, world.get("witnessed", "failed"))
 
 
+def certify(world: dict[str, Any]) -> dict[str, Any]:
+    """Ask the witness about the case of a world of a sweep, in the home as its map says; return the row."""
+    case = Case(world["template"], world["seed"], world["robot"])
+    task = task_of(case)
+    with TemporaryDirectory() as folder:
+        scene = scene_of(read_map(load(write(task, case.seed, Path(folder))[1])))
+    found = verdict(task, scene, case.robot)
+    return {"template": case.template, "seed": case.seed, "robot": case.robot, "outcome": found.answer.value} | {
+        "witness": found.row()
+    }
+
+
 def write(task: Task, seed: int, folder: Path) -> tuple[Path, Path]:
     """Write the files of a task; return recipe and map."""
     recipe, home = folder / f"{task.template}_{seed}.recipe.omn", folder / f"{task.template}_{seed}.map.omn"
