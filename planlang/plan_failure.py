@@ -120,7 +120,9 @@ def _field(name: str, value: object) -> str:
     if name == "arm" and isinstance(value, str):  # the only arm of a robot is called so, which tells nothing
         return f"{value.removesuffix('arm').rstrip('_ ')} arm" if value != "arm" else ""
     if name == "target" and isinstance(value, tuple) and len(value) == len(_BASE):
-        return " ".join(("target", *(f"{axis} {round(number, 2):g}" for axis, number in zip(_BASE, value, strict=True))))
+        return " ".join(
+            ("target", *(f"{axis} {round(number, 2):g}" for axis, number in zip(_BASE, value, strict=True)))
+        )
     return f"{name.replace('_', ' ')} {_plain(value)}"
 
 
