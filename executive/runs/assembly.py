@@ -15,13 +15,14 @@ from typing import Any
 
 import numpy as np
 
+from executive.ahead.leaving import at_rest, gets_away, leaving_first, with_in_hand
 from executive.belief import Belief
 from executive.belief.facts import decide
 from executive.belief.obstacles import with_store
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.belief.snapshots import changed_since, with_changes
-from executive.locations import Resolver
+from executive.locations import ReachKind, Resolver
 from executive.maps import SemanticMap, default_starts
 from executive.modules.around_actions import RobotModule
 from executive.modules.effects import ActionEffects
@@ -226,7 +227,7 @@ class RobotExecutive:
             while True:
                 self.platform.observe()
                 try:
-                    for solution in resolver.bases(location):
+                    for solution in leaving_first(resolver.bases(location), self._gets_away):
                         is_found = True
                         yield solution
                 except LocationUnresolvable as problem:
@@ -242,6 +243,15 @@ class RobotExecutive:
             if missing is None:
                 raise
             raise ObjectNotFound(f"it is not known where {missing} is", what=str(missing)) from problem
+
+    def _gets_away(self, solution: Solution) -> bool:
+        """Check whether the base gets away from a solution with all things that are grasped from there."""
+        platform = self.platform
+        reached = platform.resolver.reached_from(solution.base).values()
+        grasps = [one for found in reached for one in found.values() if one.reach.kind is ReachKind.GRASP]
+        state = platform.scene.belief.state
+        states = (with_in_hand(platform.scene, at_rest(platform.scene, state, solution.base), one) for one in grasps)
+        return all(gets_away(platform.scene, state) for state in states)
 
     def _waiting(self, location: Location) -> Solution | None:
         """Wait for other robots that keep the base from a location where they stand now; None without any."""

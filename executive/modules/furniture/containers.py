@@ -13,6 +13,7 @@ from itertools import product
 
 import numpy as np
 
+from executive.ahead.leaving import at_rest, gets_away, leaving_first
 from executive.locations.headroom import way_out
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.furniture.leaf_paths import LeafPath, LeafPaths
@@ -136,7 +137,7 @@ class LeafWork(HandWork):
             arms = self.hands_for(joint.handle, joint.leaf)
             await self.tuck()
             self._paths = LeafPaths(self.platform.scene, joint)
-            for path in self._paths.towards(goal, arms, sufficient):
+            for path in leaving_first(self._paths.towards(goal, arms, sufficient), self._gets_away):
                 yield path
                 if path is None:
                     await checkpoint()
@@ -162,6 +163,14 @@ class LeafWork(HandWork):
             most=WAYS,
             otherwise=otherwise,
         )
+
+    def _gets_away(self, path: LeafPath | None) -> bool:
+        """Check whether the base gets away from where it stands once the leaf is as far as a path moves it."""
+        if path is None:
+            return True
+        scene = self.platform.scene
+        moved = scene.belief.with_leaf(self._joint.leaf, float(path.values[-1]))
+        return gets_away(scene, at_rest(scene, moved, path.base))
 
     async def _approach(self, path: LeafPath) -> None:
         """Drive to the path's base pose, look at the leaf, and bring the open hand to the handle."""

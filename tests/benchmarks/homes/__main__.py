@@ -1,6 +1,7 @@
 """Everyday tasks in homes that are drawn at random: how many reach their goal, by template and robot.
 
 python -m tests.benchmarks.homes run --robots amigo,pr2 --seeds 0:3 [--templates fetch,beside] [--out ROWS]
+python -m tests.benchmarks.homes run --robots amigo --seeds 0:1 --templates flat_tasks,further_tasks   # two minutes
 python -m tests.benchmarks.homes series acceptance [--docs docs/reference/homes.md]
 python -m tests.benchmarks.homes table ROWS... [--docs docs/reference/homes.md]
 python -m tests.benchmarks.homes write FOLDER --robots pr2 --seeds 0:1 --templates fetch
@@ -29,7 +30,7 @@ from tests.benchmarks.homes.furnishing import NoRoom
 from tests.benchmarks.homes.robots import MADE, ROBOTS, named
 from tests.benchmarks.homes.series import Case, NotAccepted
 from tests.benchmarks.homes.table import documented, tables
-from tests.benchmarks.homes.tasks import TEMPLATES
+from tests.benchmarks.homes.tasks import TEMPLATES, module_of
 from tests.benchmarks.homes.trial import arguments, task_of, verdict, write
 
 LIMITS = Limits(seconds=300, memory=3_000_000_000, wall=900.0)
@@ -46,7 +47,7 @@ def main(words: Sequence[str] | None = None) -> int:
         one = commands.add_parser(name)
         one.add_argument("--robots", default=",".join(ROBOTS))
         one.add_argument("--seeds", default="0:1", help="FIRST:END")
-        one.add_argument("--templates", default="", help="all by default")
+        one.add_argument("--templates", default="", help="templates, or modules of them; all by default")
         if name == "write":
             one.add_argument("folder", type=Path)
         if name == "run":
@@ -73,7 +74,8 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def _cases(given: argparse.Namespace) -> list[Case]:
-    names = [one for one in sorted(TEMPLATES) if not given.templates or one in given.templates.split(",")]
+    wanted = given.templates.split(",") if given.templates else sorted(TEMPLATES)
+    names = [one for one in sorted(TEMPLATES) if one in wanted or module_of(one) in wanted]
     first, end = map(int, given.seeds.split(":"))
     return list(series.cases(range(first, end), names, given.robots.split(","), getattr(given, "displaced", False)))
 

@@ -6,6 +6,7 @@ the arm follows by damped least squares, and PyBullet looks at the rest. All of 
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -35,6 +36,12 @@ OVER = 0.2
 """Height of a hand that pours over the vessel [m]."""
 ENDS = (0.0, 0.01, 0.02, 0.03, 0.045, 0.06, 0.08)
 """Distances by which the ends of fingers may be ahead of the grip point [m]."""
+BESIDE = (0.5, 0.6, 0.75, 0.9)
+"""Distances from the middle of a doorway at which the base stands before and behind it [m]."""
+QUARTERS = (0.0, math.pi, math.pi / 2, -math.pi / 2)
+"""Headings of the base there, from the way through [rad]."""
+NODES = 20_000
+"""Places of the base, with headings, that are looked at for one way."""
 WIPING = 0.06
 """Height of a hand that wipes over the table [m]."""
 PAST = 0.35
@@ -48,6 +55,8 @@ class Search:
 
     def __init__(self, oracle: Oracle, chains: Mapping[str, Joints], floor: Array, seconds: float) -> None:
         self.oracle, self.chains, self.floor, self.seconds = oracle, chains, floor, seconds
+        self.known = [oracle.room.start]
+        """Places that the base is known to get to: where it begins, and behind each doorway that it passed."""
 
     def certified(self, need: Need, scene: Scene, leaves: Sequence[str]) -> bool:
         """Return True if a certificate for a need is found; ``leaves`` are open by then."""
@@ -67,9 +76,13 @@ class Search:
     def _does(self, need: Need, scene: Scene, moved: dict[str, Pose]) -> bool:
         body = scene.body(need.thing)
         pose = moved.get(body.name, body.pose)
+        if body.hands > 1:
+            return False  # two hands at once are not looked for
         match need.kind:
             case "grasp":
                 return self._grasps(body, pose)
+            case "hold":
+                return True  # what each hand does has a certificate of its own
             case "place":
                 spots = list(self.spots(scene, body, need.at, 0.06, np.zeros(1), -0.02, moved))
                 self.rng.shuffle(spots)  # type: ignore[arg-type]  # poses are not to be an array
@@ -93,6 +106,8 @@ class Search:
                 who = scene.body(need.at)
                 ahead = who.pose.rotation[:, 0] * (PAST + who.size[0] / 2 if who.size[2] > 0.8 else 0.0)
                 return self._over(np.array(who.pose.position) + ahead + (0.0, 0.0, max(0.3, who.size[2] / 2) * 0.5))
+            case "pass":
+                return self._passes(pose)
             case "see":
                 return self._sees(body.name)
         raise ValueError(need.kind)
@@ -188,10 +203,35 @@ class Search:
 
     # Bases
 
+    def _ways(self) -> Ways:
+        return Ways(self.oracle, self.known, NODES)
+
+    def _passes(self, doorway: Pose) -> bool:
+        """Return True if the base gets through a doorway, ahead or sideways, and remember where it stands then."""
+        for through, turn in itertools.product((0.0, math.pi), QUARTERS):
+            frame = doorway @ Pose.planar(0.0, 0.0, through)
+            before, behind = (self._stands(frame, sign, turn) for sign in (-1.0, 1.0))
+            if before is None or behind is None or not self._ways().lead_to(before):
+                continue
+            if Ways(self.oracle, (before,), NODES).lead_to(behind):
+                self.known.append(behind)
+                return True
+        return False
+
+    def _stands(self, frame: Pose, sign: float, turn: float) -> tuple[float, float, float] | None:
+        """Return where the base stands free before or behind a doorway, turned so; None if nowhere."""
+        for away in BESIDE:
+            pose = frame @ Pose.planar(sign * away, 0.0, turn)
+            base = (pose.position[0], pose.position[1], pose.yaw)
+            self.oracle.place(base, self.oracle.posture)
+            if self.oracle.touched(itself=False) is None:
+                return base
+        return None
+
     def _reached(self, hands: Sequence[Hands], target: str | None, share: float = 1.0) -> bool:
         """Return True if an arm reaches one of its hands from somewhere, in a ``share`` of the time that is left."""
         until = time.process_time() + share * max(self.until - time.process_time(), 0.0)
-        ways = Ways(self.oracle)
+        ways = self._ways()
         for arm, ours in zip(self.oracle.robot.arms, hands, strict=True):
             chain = self.chains[arm.name]
             free = self._free(arm, chain, ours, target)
@@ -239,7 +279,7 @@ class Search:
 
     def _sees(self, name: str) -> bool:
         """Return True if a thing is seen from somewhere on the floor."""
-        point, ways = self.oracle.room.body(name).pose.position, Ways(self.oracle)
+        point, ways = self.oracle.room.body(name).pose.position, self._ways()
         for place in self.floor[self.rng.integers(len(self.floor), size=60)] if len(self.floor) else ():
             base = (float(place[0]), float(place[1]), math.atan2(point[1] - place[1], point[0] - place[0]))
             self.oracle.place(base, self.oracle.posture)
@@ -299,10 +339,10 @@ def _areas(scene: Scene, at: str) -> Iterator[tuple[Pose, tuple[float, float], f
         yield body.pose @ Pose((0.0, 0.0, body.size[2] / 2)), (body.size[0], body.size[1]), 2.0
 
 
-def outline(body: Body, at: Pose | None = None) -> Rectangle:
-    """Return the rectangle over which a body stands, there or at a pose."""
-    pose = at or body.pose
-    return Rectangle(pose.position[0], pose.position[1], pose.yaw, (body.size[0] / 2, body.size[1] / 2))
+def outline(body: Body, at: Pose | None = None, size: Sequence[float] | None = None) -> Rectangle:
+    """Return the rectangle over which a body stands, there or at a pose; that of a part with a ``size``."""
+    pose, (x, y, *_) = at or body.pose, size or body.size
+    return Rectangle(pose.position[0], pose.position[1], pose.yaw, (x / 2, y / 2))
 
 
 def above(body: Body, height: float) -> Array:

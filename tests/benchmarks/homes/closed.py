@@ -24,7 +24,9 @@ class Closed:
     """Doors or drawers; behind or in each is a surface of the leaf's name."""
 
 
-def cupboard(home: Home, kind: str, *, doors: int = 1, corner: bool = False, cls: str = "Cupboard") -> Closed:
+def cupboard(
+    home: Home, kind: str, *, doors: int = 1, corner: bool = False, cls: str = "Cupboard", beside: str = ""
+) -> Closed:
     """Put a cupboard at a wall: "base" (below a worktop), "tall", "wall" (hangs); raises NoRoom."""
     depth = home.between(sizes.CUPBOARD_DEPTH[kind])
     leaf_width = home.between(sizes.DOOR.width)
@@ -39,7 +41,7 @@ def cupboard(home: Home, kind: str, *, doors: int = 1, corner: bool = False, cls
         bottom, low, leaf_height = 0.0, home.between(sizes.PLINTH), home.between((1.0, 1.7))
         top = low + leaf_height + 0.02
     size = (depth, width, top - bottom)
-    pose = home.at_wall((depth, width, top), home.between(sizes.CLEAR), corner=corner)
+    pose = home.at_wall((depth, width, top), home.between(sizes.CLEAR), corner=corner, beside=beside)
     pose = Pose.planar(pose.position[0], pose.position[1], pose.yaw, (bottom + top) / 2)
     name = home.named("cupboard")
     leaves = tuple(f"door{number}_of_{name}" for number in range(1, doors + 1))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,6 +24,8 @@ GAP = 0.002
 WALLS = 0.018
 """Thickness of carcasses: chipboard of 16 to 19 mm [m]."""
 HALF_TURN = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
+LYING = Pose((0.0, 0.0, 0.0), (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)))
+"""A quarter turn about the y axis: what stood lies along x."""
 
 
 class NoRoom(Exception):
@@ -87,10 +89,15 @@ class Surface:
 
 @dataclass
 class Home:
-    """A room with all that is in it."""
+    """Rooms with all that is in them. Furniture goes into the room that was entered last."""
 
     rng: np.random.Generator
     inside: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Extents of that room."""
+    middle: tuple[float, float] = (0.0, 0.0)
+    """Its middle in the map."""
+    rooms: dict[str, Rectangle] = field(default_factory=dict)
+    """Rooms of a flat; empty for a home of one."""
     things: dict[str, Thing] = field(default_factory=dict)
     floor: list[Rectangle] = field(default_factory=list)
     """Footprints of furniture."""
@@ -100,7 +107,9 @@ class Home:
     taken: dict[str, list[Rectangle]] = field(default_factory=dict)
     """Surface -> what stands on it."""
     classes: dict[str, str] = field(default_factory=dict)
-    """Classes that the map defines -> their superclass."""
+    """Classes that the map defines -> their superclass, and what else is stated of them."""
+    unwanted: tuple[str, ...] = ()
+    """Kinds of things that do not belong to the clutter."""
 
     # Numbers
 
@@ -143,18 +152,31 @@ class Home:
         self.inside = self.size_of(sizes.ROOM)
         self.add(Thing("room1", cls, Pose((0.0, 0.0, self.inside[2] / 2)), self.inside))
 
+    def enter(self, room: str) -> None:
+        """Let furniture go into a room of a flat from now on."""
+        area = self.rooms[room]
+        self.middle = (area.x, area.y)
+        self.inside = (2 * area.half[0], 2 * area.half[1], self.inside[2])
+
+    def holds(self, area: Rectangle, over: float = 0.0) -> bool:
+        """Return True if an area lies in the room, or beyond its walls by at most ``over``."""
+        return bool((np.abs(area.corners() - self.middle) <= np.array(self.inside[:2]) / 2 + over).all())
+
     def is_free(self, footprint: Rectangle, clearance: Rectangle | None) -> bool:
         """Return True if furniture may stand there."""
-        half = np.array(self.inside[:2]) / 2 + 1e-6
-        for area in (footprint, clearance):
-            if area is not None and (np.abs(area.corners()) > half).any():
-                return False
+        if any(area is not None and not self.holds(area, 1e-6) for area in (footprint, clearance)):
+            return False
         if any(footprint.overlaps(other) for other in (*self.floor, *self.kept_free)):
             return False
         return clearance is None or not any(clearance.overlaps(other) for other in self.floor)
 
-    def at_wall(self, size: Size, clear: float, *, corner: bool = False) -> Pose:
-        """Return a pose on the floor for a box with its back at a wall, in a corner if asked; raises NoRoom."""
+    def at_wall(self, size: Size, clear: float, *, corner: bool = False, beside: str = "") -> Pose:
+        """Return a pose on the floor for a box with its back at a wall, in a corner or beside furniture if asked.
+
+        Raises NoRoom.
+        """
+        if beside:
+            return self._side_by_side(self.things[beside], size, clear)
         for _ in range(TRIES):
             side = int(self.rng.integers(4))
             yaw = side * math.pi / 2  # the heading of its front
@@ -167,10 +189,21 @@ class Home:
             offset = math.copysign(slack, self.rng.uniform(-1, 1)) if corner else self.between((-slack, slack))
             middle = -away / 2 + back + size[0] / 2
             c, s = round(math.cos(yaw)), round(math.sin(yaw))
-            x, y = middle * c - offset * s, middle * s + offset * c
+            x, y = middle * c - offset * s + self.middle[0], middle * s + offset * c + self.middle[1]
             if self._stand(x, y, yaw, size, clear):
                 return Pose.planar(x, y, yaw, size[2] / 2)
         raise NoRoom(f"no wall has room for {size}")
+
+    def _side_by_side(self, other: Thing, size: Size, clear: float) -> Pose:
+        """Return a pose for a box right or left of other furniture, their backs in line; raises NoRoom."""
+        assert other.pose is not None
+        assert other.size is not None
+        for sign in (1.0, -1.0) if self.chance(0.5) else (-1.0, 1.0):
+            across = sign * ((other.size[1] + size[1]) / 2 + self.between((0.002, 0.03)))
+            at = other.pose @ Pose(((size[0] - other.size[0]) / 2, across, 0.0))
+            if self._stand(at.position[0], at.position[1], at.yaw, size, clear):
+                return Pose.planar(at.position[0], at.position[1], at.yaw, size[2] / 2)
+        raise NoRoom(f"no room beside {other.name}")
 
     def free_standing(self, size: Size, clear: float) -> Pose:
         """Return a pose for a box that stands freely, with floor on all sides; raises NoRoom."""
@@ -178,11 +211,12 @@ class Home:
             half = np.array(self.inside[:2]) / 2
             reach = math.hypot(size[0], size[1]) / 2
             x, y = (self.between((-float(h) + reach, float(h) - reach)) if h > reach else 0.0 for h in half)
+            x, y = x + self.middle[0], y + self.middle[1]
             yaw = self.between((-math.pi, math.pi)) if self.chance(0.3) else int(self.rng.integers(4)) * math.pi / 2
             around = Rectangle(x, y, yaw, (size[0] / 2 + clear, size[1] / 2 + clear))
             footprint = Rectangle(x, y, yaw, (size[0] / 2, size[1] / 2))
             if self.is_free(footprint, None) and not any(around.overlaps(other) for other in self.floor):
-                if (np.abs(around.corners()) > half + clear).any():
+                if not self.holds(around, clear):
                     continue
                 self.floor.append(footprint)
                 return Pose.planar(x, y, yaw, size[2] / 2)
@@ -234,8 +268,7 @@ class Home:
             place = board.pose @ Pose((far * c - offset * s, far * s + offset * c, 0.0))
             yaw = board.pose.yaw + angle + math.pi
             footprint = Rectangle(place.position[0], place.position[1], yaw, (size[0] / 2, size[1] / 2))
-            half = np.array(self.inside[:2]) / 2
-            if (np.abs(footprint.corners()) < half).all() and not any(footprint.overlaps(one) for one in self.floor):
+            if self.holds(footprint) and not any(footprint.overlaps(one) for one in self.floor):
                 self.floor.append(footprint)
                 pose = Pose.planar(place.position[0], place.position[1], yaw, size[2] / 2)
                 return self.add(Thing(self.named("chair"), extents.cls, pose, size))
@@ -250,14 +283,41 @@ class Home:
             self.classes["BunchOfKeys"] = "knowrob:HumanScaleObject"
         return self.put(self.named(kind), extents.cls, self.size_of(extents), on, where, sizes.MASSES[kind])
 
-    def device(self, kind: str, on: str) -> tuple[str, str]:
+    def lying(self, kind: str, on: str, *, where: str = "anywhere") -> str:
+        """Lay a thing that is taller than deep on a surface; raises NoRoom."""
+        extents = sizes.THINGS[kind]
+        depth, width, height = self.size_of(extents)
+        name = self.put(self.named(kind), extents.cls, (height, width, depth), on, where, sizes.MASSES[kind])
+        thing = self.things[name]
+        assert thing.pose is not None
+        self.things[name] = replace(thing, pose=thing.pose @ LYING, size=(depth, width, height))
+        return name
+
+    def pot(self, on: str) -> str:
+        """Put a pot with two handles, for two hands, on a surface, its handles along it; raises NoRoom."""
+        extents, handle = sizes.THINGS["pot"], sizes.POT_HANDLE
+        self.classes[extents.cls] = "knowrob:StoveTopCookingPot, knowrob:handsNeeded value 2"
+        size, name = self.size_of(extents), self.named("pot")
+        handles = {f"handle{number}_of_{name}": sign for number, sign in ((1, 1.0), (2, -1.0))}
+        outer = (size[0], size[1] + 2 * handle[1], size[2])
+        self.put(name, extents.cls, outer, on, "front", sizes.MASSES["pot"], faces_front=True, parts=tuple(handles))
+        self.things[name] = pot = replace(self.things[name], size=size)
+        assert pot.pose is not None
+        for one, sign in handles.items():
+            away = sign * (size[1] + handle[1]) / 2
+            self.add(Thing(one, "Handle", pot.pose @ Pose((0.0, away, 0.3 * size[2])), handle))
+        return name
+
+    def device(self, kind: str, on: str, *, where: str = "back") -> tuple[str, str]:
         """Put a device with a button on its front on a surface; return the names of both."""
         extents = sizes.DEVICES[kind]
         if extents.cls == "CoffeeMachine":
             self.classes["CoffeeMachine"] = "knowrob:ElectricalHouseholdAppliance"
+        if extents.cls == "RadioReceiver":
+            self.classes["RadioReceiver"] = "knowrob:PoweredDevice"
         size, name = self.size_of(extents), self.named(kind)
         button = f"button_of_{name}"
-        self.put(name, extents.cls, size, on, "back", None, faces_front=True, parts=(button,))
+        self.put(name, extents.cls, size, on, where, None, faces_front=True, parts=(button,))
         pose, wide = self.things[name].pose, self.between(sizes.BUTTON)
         assert pose is not None
         thick = 0.008
@@ -316,6 +376,8 @@ class Home:
         """Put up to so many other things on a surface; what finds no room is left out."""
         for _ in range(int(self.rng.integers(most + 1))):
             kind = self.one_of(("cup", "glass", "bottle", "can", "book", "bowl", "box", "plate"))
+            if kind in self.unwanted:
+                continue
             try:
                 self.thing(kind, on)
             except NoRoom:

@@ -10,10 +10,12 @@ Sources of the ranges:
 * [N] tables, beds and seats: E. Neufert, Architects' Data: dining 720 to 760 mm, coffee tables 400 to 500 mm, beds
   1,900 to 2,100 mm by 900 to 1,000 mm at 450 to 600 mm, seats at 430 to 470 mm; nursing beds 400 to 800 mm.
 * [P] people: DIN 33402-2, women's 5th to men's 95th percentile: 1,535 to 1,855 mm tall, 1,200 to 1,400 mm when seated.
+* [F] flats: DIN 18101 (leaves of 735, 860 and 985 mm leave 0.67 to 0.93 m) and DIN 18040-2 (0.8 m within a flat, 0.9 m
+  for wheelchairs); doorways 2.0 to 2.1 m high; halls 1.1 to 1.6 m wide (Neufert; DIN 18040-2 asks for 1.2 m).
 * [W] ways: 900 to 1,200 mm before furniture that is opened (Neufert; NKBA asks for 914 mm), 800 to 1,200 mm else.
 * [T] tableware and packages as sold: cups 60 (espresso) to 95 mm (coffee), mugs 80 to 95 mm, glasses 60 to 80 mm,
   bottles of 0.5 to 1 l 60 to 85 mm, cans 66 mm, cartons of 1 l 70 mm square, plates 190 to 270 mm, bowls 120 to 170 mm,
-  cutlery 160 to 210 mm.
+  cutlery 160 to 210 mm; serving bowls up to 300 mm, pots of 3 to 8 l 200 to 280 mm with two handles 60 to 80 mm long.
 
 All lengths are in metres: (depth, width, height) along a thing's own x, y and z; x points to its front.
 """
@@ -44,6 +46,8 @@ THINGS: Mapping[str, Extents] = {
     "can": Extents("DrinkingCan", (0.066, 0.066), (0.066, 0.066), (0.115, 0.168), is_round=True),
     "milk": Extents("CowsMilk-Product", (0.07, 0.075), (0.07, 0.075), (0.195, 0.24)),
     "bowl": Extents("Bowl-Eating", (0.12, 0.17), (0.12, 0.17), (0.055, 0.08), is_round=True),
+    "large_bowl": Extents("Bowl-Eating", (0.1, 0.3), (0.1, 0.3), (0.05, 0.12), is_round=True),
+    "pot": Extents("SoupPot", (0.2, 0.28), (0.2, 0.28), (0.11, 0.17), is_round=True),
     "plate": Extents("DinnerPlate", (0.19, 0.27), (0.19, 0.27), (0.018, 0.03), is_round=True),
     "fork": Extents("DinnerFork", (0.17, 0.21), (0.022, 0.03), (0.012, 0.02)),
     "knife": Extents("TableKnife", (0.19, 0.23), (0.018, 0.025), (0.01, 0.015)),
@@ -60,7 +64,7 @@ MASSES: Mapping[str, Range] = {
     "cup": (0.15, 0.35), "mug": (0.25, 0.4), "glass": (0.15, 0.35), "bottle": (0.3, 1.1), "can": (0.35, 0.53),
     "milk": (1.03, 1.08), "bowl": (0.25, 0.5), "plate": (0.3, 0.75), "fork": (0.04, 0.07), "knife": (0.05, 0.09),
     "spoon": (0.04, 0.07), "book": (0.15, 0.6), "phone": (0.14, 0.23), "keys": (0.05, 0.12), "box": (0.1, 0.8),
-    "sponge": (0.01, 0.03),
+    "sponge": (0.01, 0.03), "large_bowl": (0.25, 0.9), "pot": (1.0, 1.8),
 }  # fmt: skip
 """[T], in kilograms, with what is in them."""
 
@@ -81,6 +85,17 @@ FURNITURE: Mapping[str, Extents] = {
 
 ROOM: Extents = Extents("Kitchen", (3.6, 6.0), (3.2, 5.0), (2.4, 2.7))
 """Inside of a room; 12 to 30 square metres, as kitchens with a table and living rooms have."""
+
+HALL: Extents = Extents("Hall", (2.5, 5.0), (1.1, 1.6), (2.4, 2.7))
+"""[F] Inside of a hall."""
+PARTITION = 0.1
+"""Thickness of the wall between two rooms: gypsum on studs."""
+DOORWAY, NARROW, DOOR_HEIGHT = (0.8, 1.0), (0.55, 0.7), (2.0, 2.1)
+"""[F] Clear widths of doorways, of those of small rooms, and their height."""
+NARROW_ONES = 0.05
+"""Share of doorways that are so narrow."""
+POST = 0.1
+"""Least width of the wall beside a doorway."""
 
 CLEAR = (0.9, 1.2)
 """[W] Free floor before what is opened."""
@@ -114,8 +129,11 @@ DEVICES: Mapping[str, Extents] = {
     "toaster": Extents("ToasterOven", (0.28, 0.38), (0.35, 0.48), (0.2, 0.28)),
     "microwave": Extents("MicrowaveOven", (0.33, 0.42), (0.44, 0.52), (0.26, 0.3)),
     "lamp": Extents("ElectricalLightingDevice", (0.15, 0.25), (0.15, 0.25), (0.3, 0.45)),
+    "radio": Extents("RadioReceiver", (0.08, 0.15), (0.2, 0.3), (0.12, 0.2)),
     "television": Extents("TelevisionSet", (0.06, 0.2), (0.7, 1.1), (0.45, 0.7)),
 }
 """Catalogues."""
+POT_HANDLE = (0.07, 0.05, 0.015)
+"""[T] Size of each of the two handles of a pot."""
 BUTTON = (0.015, 0.03)
 """Diameter of a button."""

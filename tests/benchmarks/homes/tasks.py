@@ -27,7 +27,8 @@ KEPT = 0.2
 class Need:
     """Something that has to be possible.
 
-    ``kind``: "grasp", "place", "open", "close", "hand over", "press", "wipe", "see" or "pour".
+    ``kind``: "grasp", "place", "open", "close", "hand over", "press", "wipe", "see", "pour", "pass" (a doorway), or
+    "hold" (while another hand holds something).
     """
 
     kind: str
@@ -52,12 +53,17 @@ class Task:
     unknown: tuple[str, ...] = ()
     """Things of which the robot does not know where they are."""
     watchers: tuple[Callable[[Watched], None], ...] = field(default=())
+    recipe: str = ""
+    """The recipe, if it is not the steps one after the other."""
 
     @property
     def goal(self) -> Goal:
         """The task is done: what the user wants, and no harm."""
         return all_of(self.wanted, self.unharmed)
 
+
+LATER = ("more_tasks", "flat_tasks", "further_tasks")
+"""Modules of templates that were written later, in their order: their numbers follow, so that earlier homes stay."""
 
 Template = Callable[[Home], Task]
 TEMPLATES: dict[str, Template] = {}
@@ -92,14 +98,25 @@ def drawn(name: str, seed: int, suits: Callable[[Task], bool] = lambda task: Tru
     return task
 
 
+def module_of(name: str) -> str:
+    """Return the module of a template, such as "flat_tasks"."""
+    return TEMPLATES[name].__module__.rpartition(".")[2]
+
+
 def _number(name: str) -> int:
-    """Return the number of a template; those of later modules follow, so that the homes of earlier ones stay."""
-    return sorted(TEMPLATES, key=lambda one: (TEMPLATES[one].__module__.endswith("more_tasks"), one)).index(name)
+    """Return the number of a template, from which its homes are drawn."""
+
+    def rank(one: str) -> tuple[int, str]:
+        return LATER.index(module_of(one)) if module_of(one) in LATER else -1, one
+
+    return sorted(TEMPLATES, key=rank).index(name)
 
 
 def _others(home: Home) -> None:
     """Add furniture and things that the task does not need, as far as there is room."""
     for _ in range(int(home.rng.integers(0, 3))):
+        if home.rooms:
+            home.enter(home.one_of([room for room in home.rooms if home.things[room].cls != "Hall"]))
         kind = home.one_of(("side_table", "sideboard", "sofa", "bedside_table", "desk"))
         try:
             home.clutter(home.furniture(kind, corner=home.chance(0.5)), 3)

@@ -18,7 +18,7 @@ from planlang.diagnostics import BadInput
 from planlang.ontology import load
 from sim import Scene
 from sim.joints import JointKind
-from tests.benchmarks.homes import closed_tasks, more_tasks, open_tasks  # noqa: F401  they register their templates
+from tests.benchmarks.homes import closed_tasks, flat_tasks, further_tasks, more_tasks, open_tasks  # noqa: F401  they register their templates
 from tests.benchmarks.homes.furnishing import NoRoom
 from tests.benchmarks.homes.goals import opened
 from tests.benchmarks.homes.robots import OPTIONS, named
@@ -54,7 +54,7 @@ def job(world: dict[str, Any]) -> dict[str, Any]:
 def write(task: Task, seed: int, folder: Path) -> tuple[Path, Path]:
     """Write the files of a task; return recipe and map."""
     recipe, home = folder / f"{task.template}_{seed}.recipe.omn", folder / f"{task.template}_{seed}.map.omn"
-    recipe.write_text(recipe_text(task.steps, task.home), encoding="utf-8")
+    recipe.write_text(task.recipe or recipe_text(task.steps, task.home), encoding="utf-8")
     home.write_text(map_text(task.home), encoding="utf-8")
     return recipe, home
 

@@ -8,9 +8,10 @@ to the side of possible: margins are added to what the arm reaches, and taken fr
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -20,14 +21,15 @@ from numpy.typing import NDArray
 
 from executive.maps.scene import default_starts
 from executive.robots import Robot
-from planlang.geometry import Array
+from planlang.geometry import Array, Pose
 from planlang.state.matter import KG_PER_ML
 from sim import Body, Scene
 from sim.joints import Articulation
 from tests.benchmarks.homes.certificates import Search, outline
+from tests.benchmarks.homes.furnishing import Rectangle
 from tests.benchmarks.homes.tasks import Need, Task
 from tests.support.locations.dense_sampler import Joints
-from tests.support.locations.oracle import Oracle
+from tests.support.locations.oracle import Oracle, walls_of
 from tests.support.locations.rooms import Room
 
 POSTURES = 20_000
@@ -51,8 +53,10 @@ SECONDS = 4.0
 """CPU time for the certificate of one need [s]."""
 
 
-BY_EDGE = ("DinnerPlate", "Bowl-Eating", "Sponge-CleaningImplement")
-"""Classes of what is taken by a rim, or gives way."""
+BY_EDGE = ("DinnerPlate", "Bowl-Eating", "Sponge-CleaningImplement", "SoupPot")
+"""Classes of what is taken by a rim or handles, or gives way."""
+BY_TWO_HANDS = ("SoupPot",)
+"""Classes of what two hands carry."""
 MASS = "knowrob:massOfObject "
 
 
@@ -69,8 +73,10 @@ RIGHT_REASONS: Mapping[str, str] = {
     "too heavy": r"TooHeavy|weighs",
     "too high": r"too high|out of reach|reaches (only )?up to|\bup to \d",
     "too low": r"too low|out of reach|reaches (only )?down to|\bdown to \d",
+    "no hand": r"hands?\b",
     "no camera": r"without (a )?camera|no camera",
     "no floor": r"no room for the base|no path|NavigationPose|cannot (stand|get)|out of reach|no nearer than",
+    "too narrow": r"too narrow|m wide; |no path|no way|NavigationPose",
     "no room": r"no room (for|on|in)|does not fit|is full|too (high|large|big) for",
 }
 """Kind of impossibility -> what the failure's classes or message say if the product has found the right reason."""
@@ -152,7 +158,8 @@ def suited_to(robot: Robot) -> Callable[[Task], bool]:
             assert thing.size is not None
             if min(thing.size[:2]) > widest and thing.cls not in BY_EDGE:
                 return False
-            if any(float(fact.split()[1]) > strongest for fact in thing.facts if fact.startswith(MASS)):
+            most = strongest * (2 if thing.cls in BY_TWO_HANDS else 1)
+            if any(float(fact.split()[1]) > most for fact in thing.facts if fact.startswith(MASS)):
                 return False
         return True
 
@@ -207,7 +214,11 @@ class Witness:
 
     def _necessary(self, need: Need) -> None:
         """Raise _Broken if what is necessary for a need is not so."""
+        if need.kind == "pass":
+            self._check_doorway(need.thing)
+            return
         body = self.scene.body(need.thing)
+        self._check_hands(body, 2 if need.kind == "hold" else body.hands)
         if need.kind in ("grasp", "pour", "place", "hand over", "wipe"):
             self._check_hand(body)
         if need.kind == "grasp":
@@ -222,6 +233,11 @@ class Witness:
             self._check_reach(body, self._spans(body))
         if need.kind == "place":
             self._check_room(body, need.at)
+
+    def _check_hands(self, body: Body, hands: int) -> None:
+        has = sum(arm.gripper is not None for arm in self.robot.arms)
+        if has < hands:
+            raise _Broken("no hand", body.name, f"{body.name} needs {hands} hands, the robot has {has}")
 
     def _check_hand(self, body: Body) -> None:
         by_edge = body.wall > 0 or body.soft or bool(body.handles)
@@ -272,21 +288,35 @@ class Witness:
         start = np.array(self.oracle.room.start[:2])
         if self.robot.base.fixed:
             return start[None]
-        room = next(body for body in self.scene.bodies if body.shape == "room")
-        half = np.array(room.size[:2]) / 2
-        steps = [np.arange(-h, h, CELL) + CELL / 2 for h in half]
-        grid = np.stack(np.meshgrid(*steps, indexing="ij"), -1) + room.pose.position[:2]
-        keep = CORE * self.robot.base.radius
-        free = (np.abs(grid - room.pose.position[:2]) <= half - keep).all(axis=2)
-        for body in self.scene.bodies:
-            if body.shape not in ("room", "marker") and body.pose.position[2] - body.size[2] / 2 < LOW:
-                free &= outline(body).distances(grid.reshape(-1, 2)).reshape(free.shape) > keep
-        return grid[_joined(free, np.linalg.norm(grid - start, axis=2))]
+        rooms = [body for body in self.scene.bodies if body.shape == "room"]
+        corners = np.concatenate([outline(room).corners() for room in rooms])
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        steps = [np.arange(one, other, CELL) + CELL / 2 for one, other in zip(low, high, strict=True)]
+        grid = np.stack(np.meshgrid(*steps, indexing="ij"), -1)
+        points, keep = grid.reshape(-1, 2), CORE * self.robot.base.radius
+        free = np.any([area.distances(points) == 0 for room in rooms for area in (outline(room), *_openings(room))], 0)
+        walls = ((room, at, size) for room in rooms for at, size in walls_of(room))
+        solid = ((body, body.pose, body.size) for body in self.scene.bodies if body.shape not in ("room", "marker"))
+        low_ones = (one for one in (*walls, *solid) if one[1].position[2] - one[2][2] / 2 < LOW)
+        for area in itertools.starmap(outline, low_ones):
+            free &= area.distances(points) > keep
+        return grid[_joined(free.reshape(grid.shape[:2]), np.linalg.norm(grid - start, axis=2))]
+
+    def _check_doorway(self, name: str) -> None:
+        """Raise _Broken if the base is wider than a doorway."""
+        wide, base = self.scene.body(name).size[1], self.oracle.least_width()
+        if wide < base:
+            raise _Broken("too narrow", name, f"{name} is {wide:.2f} m wide, the base at least {base:.2f} m")
 
     def _check_room(self, thing: Body, at: str) -> None:
         """Raise _Broken if there is nowhere on or in a support that a thing would fit."""
         if not any(True for _ in self.search.spots(self.scene, thing, at, SPOTS, TURNS, TIGHT)):
             raise _Broken("no room", at, f"no room on {at} for {thing.name}")
+
+
+def _openings(room: Body) -> Iterator[Rectangle]:
+    """Yield the floor in the openings of a room's walls."""
+    return (outline(room, room.pose @ Pose(cut.centre), cut.size) for cut in room.cavities)
 
 
 def _joined(free: NDArray[np.bool_], away: Array) -> NDArray[np.bool_]:

@@ -115,6 +115,54 @@ def recipe_text(steps: Sequence[Step], home: Home) -> str:
     return "\n".join(lines) + "\n"
 
 
+def while_seen_text(cls: str, at: str, to: str, home: Home) -> str:
+    """Return a recipe: while something of a class is seen from before furniture, bring one to another place."""
+    tables = "\n".join(
+        f"Individual: home:{one}\n    Types: {_foreign(home.things[one].cls, home)}\n" for one in (at, to)
+    )
+    states = [("Drive", "Look", "COMPLETED_OK"), ("Look", "Bring", "CONDITION_TRUE"),
+              ("Bring", "Drive", "COMPLETED_OK"), ("Look", "Rest", "CONDITION_FALSE")]  # fmt: skip
+    stated = ",\n".join(f"        knowrob:stateTransition value t{number}" for number, _ in enumerate(states))
+    changes = "\n".join(
+        f"Individual: t{number}\n    Types: knowrob:IntrinsicStateChangeEvent\n"
+        f"    Facts: knowrob:fromState {one}, knowrob:toState {two}, knowrob:causedBy knowrob:{why}\n"
+        for number, (one, two, why) in enumerate(states)
+    )
+    return f"""Prefix: : <{RECIPE}#>
+{KNOWROB}Prefix: home: <{MAP}#>
+
+Ontology: <{RECIPE}>
+    Import: <http://knowrob.org/kb/knowrob.owl>
+
+{tables}
+Individual: before
+    Types: knowrob:Point3D
+    Facts: knowrob:near home:{at}, knowrob:visibleFrom home:{at}
+
+Class: TheTask
+    SubClassOf: knowrob:PurposefulAction,
+        knowrob:subAction some Drive, knowrob:subAction some Look,
+        knowrob:subAction some Bring, knowrob:subAction some Rest,
+        knowrob:taskStartState value Drive, knowrob:taskEndState value Rest,
+{stated}
+
+{changes}
+Class: Drive
+    SubClassOf: knowrob:Translation-LocationChange, knowrob:toLocation value before
+
+Class: Look
+    SubClassOf: knowrob:CheckingWhetherConditionObtains,
+        knowrob:conditionEvaluated some (knowrob:VisualPerception and (knowrob:detectedObject some knowrob:{cls}))
+
+Class: Bring
+    SubClassOf: knowrob:TransportingAnObject,
+        knowrob:objectActedOn some knowrob:{cls}, knowrob:toLocation value home:{to}
+
+Class: Rest
+    SubClassOf: knowrob:WaitForPredefinedTimeInterval, knowrob:duration value 1.0
+"""
+
+
 def _used(steps: Iterable[Step], home: Home) -> list[str]:
     words = (word for step in steps for _, filler in step.facts for word in filler.split())
     return list(dict.fromkeys(word for word in words if word in home.things))

@@ -6,6 +6,7 @@ What a person is made of is part of the room: the simulator's figure, for whoeve
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -36,6 +37,12 @@ STEPS = 8
 """In so many steps the way from one pose of a claim to the next is looked at; in twice as many what one touches that
 it tells, of which the tip is looked at everywhere.
 """
+WALL = 0.1
+"""Thickness of a room's walls [m]."""
+PLATE = 4.0
+"""Width of the plate that measures a base, and its distance from its middle [m]."""
+DIRECTIONS, BETWEEN = 90, 0.02
+"""Directions in which the base is measured, and by how much it may be narrower between two of them [m]."""
 NEIGHBOURS = 2
 """Links that are so few joints apart may touch each other."""
 GAZES = 15
@@ -63,6 +70,27 @@ class Claim:
     target: str | None
     fingers: Mapping[str, float]
     motions: tuple[Array, ...] = ()
+
+
+def walls_of(room: Body) -> Iterator[tuple[Pose, tuple[float, float, float]]]:
+    """Yield poses in the map and sizes of the boxes that are a room's walls: what its openings leave of the four."""
+    height = room.size[2]
+    for sign, axis in itertools.product((-1.0, 1.0), (0, 1)):
+        face, half = room.size[axis] / 2, room.size[1 - axis] / 2
+        cuts = sorted(
+            (cut.centre[1 - axis] - cut.size[1 - axis] / 2, cut.centre[1 - axis] + cut.size[1 - axis] / 2, cut)
+            for cut in room.cavities
+            if abs(cut.centre[axis] - sign * (face + WALL / 2)) < WALL
+        )
+        ends = [-half, *(end for low, high, _ in cuts for end in (low, high)), half]
+        pieces = [(low, high, -height / 2) for low, high in zip(ends[::2], ends[1::2], strict=True)]
+        pieces += [(low, high, cut.centre[2] + cut.size[2] / 2) for low, high, cut in cuts]
+        for low, high, bottom in pieces:
+            along, z = (low + high) / 2, (bottom + height / 2) / 2
+            place = (sign * (face + WALL / 2), along) if axis == 0 else (along, sign * (face + WALL / 2))
+            extents = (WALL, high - low) if axis == 0 else (high - low, WALL)
+            if high > low and bottom < height / 2:
+                yield room.pose @ Pose((*place, z)), (*extents, height / 2 - bottom)
 
 
 class Oracle:
@@ -108,15 +136,8 @@ class Oracle:
 
     def _build(self, body: Body) -> None:
         if body.shape == "room":
-            x, y, _ = body.pose.position
-            length, width, height = body.size
-            for sign in (-1, 1):
-                self._piece(
-                    body.name, "box", (0.1, width, height), Pose((x + sign * (length / 2 + 0.05), y, height / 2))
-                )
-                self._piece(
-                    body.name, "box", (length, 0.1, height), Pose((x, y + sign * (width / 2 + 0.05), height / 2))
-                )
+            for at, size in walls_of(body):
+                self._piece(body.name, "box", size, at)
         else:
             for part in parts_of(body) if body.shape == "person" else plain(body):
                 self._piece(body.name, part.kind, part.size, body.pose, part.offset)
@@ -183,6 +204,35 @@ class Oracle:
         return chain
 
     # Asking
+
+    def least_width(self) -> float:
+        """Return a lower bound of the width of what never moves on the base [m], in the narrowest of its directions.
+
+        A plate is held against the base from all around.
+        """
+        still = [link for link in self.names if self.joints.keys().isdisjoint(self._joints_below(link))]
+        self.place((0.0, 0.0, 0.0), self.posture)
+        half = [PLATE / 2, PLATE / 20, PLATE]
+        shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self.client)
+        plate = pybullet.createMultiBody(0, shape, physicsClientId=self.client)
+        away = np.zeros(2 * DIRECTIONS)
+        for number in range(2 * DIRECTIONS):
+            angle = number * math.pi / DIRECTIONS
+            middle = (-math.sin(angle) * PLATE, math.cos(angle) * PLATE, 0.0)
+            turn = (0.0, 0.0, math.sin(angle / 2), math.cos(angle / 2))
+            pybullet.resetBasePositionAndOrientation(plate, middle, turn, physicsClientId=self.client)
+            gaps = [
+                point[8]
+                for link in still
+                for point in pybullet.getClosestPoints(self.uid, plate, PLATE, link, physicsClientId=self.client)
+            ]
+            away[number] = 0.95 * PLATE - min(gaps)
+        pybullet.removeBody(plate, physicsClientId=self.client)
+        return float((away[:DIRECTIONS] + away[DIRECTIONS:]).min()) - BETWEEN
+
+    def _joints_below(self, link: int) -> set[str]:
+        carriers = set(self.upwards(link))
+        return {name for name, index in self.joints.items() if index in carriers}
 
     def place(self, base: BasePose, joints: Mapping[str, float]) -> None:
         """Put the robot somewhere; joints not named stay, those that mimic one go with it."""

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
+from planlang.geometry import Pose
+from sim import Body
 from tests.support.locations.oracle import BasePose, Oracle
 
 CELL, HEADINGS = 0.04, 24
@@ -23,9 +25,12 @@ Node = tuple[int, int, int]
 class Ways:
     """Ways of a base, in the posture in which it drives, between places of a room; what was found is remembered."""
 
-    def __init__(self, oracle: Oracle) -> None:
-        """From where the robot of a room begins."""
-        self._oracle, self._start = oracle, oracle.room.start
+    def __init__(self, oracle: Oracle, known: Sequence[BasePose] = (), most: float = math.inf) -> None:
+        """From where the robot of a room begins, or from the nearest of ``known`` places, which it is known to get to.
+
+        A flood over more than ``most`` nodes is given up: the place counts as one that it does not get to.
+        """
+        self._oracle, self._start, self._known, self._most = oracle, oracle.room.start, tuple(known), most
         self._stuck: bool | None = None
         self._free: dict[Node, bool] = {}
         self._joined: set[Node] = set()
@@ -38,10 +43,19 @@ class Ways:
         if self._stuck is None:
             self._oracle.place(self._start, self._oracle.posture)
             self._stuck = self._oracle.robot.base.fixed or self._oracle.touched(itself=False) is not None
-        here, there = self._near(self._start), self._near(base)
+        begin = self._start
+        if self._known:
+            begin = min(self._known, key=lambda one: self._away(one, base))
+        here, there = self._near(begin), self._near(base)
         if self._stuck or here is None:
             return True
         return there is not None and self._are_joined(here, there)
+
+    def _away(self, one: BasePose, other: BasePose) -> tuple[bool, float]:
+        """How far a place is from another; those that share no room are farther than all that do."""
+        rooms = [room for room in self._oracle.room.bodies if room.shape == "room"]
+        is_apart = not any(_is_in(room, one) and _is_in(room, other) for room in rooms)
+        return is_apart, math.dist(one[:2], other[:2])
 
     def _are_joined(self, here: Node, there: Node) -> bool:
         self._joined.add(here)
@@ -58,6 +72,9 @@ class Ways:
                 if any(node in known or (flood is theirs and node in ours.seen) for node in fresh):
                     self._joined |= ours.seen | theirs.seen
                     return True
+                if len(ours.seen) + len(theirs.seen) > self._most:
+                    self._joined |= ours.seen
+                    return False
 
     def neighbours(self, node: Node) -> Iterator[Node]:
         """Free nodes one step away."""
@@ -93,6 +110,11 @@ class Ways:
         ]
         nodes.sort(key=lambda node: (math.hypot(node[0] - x, node[1] - y), node))
         return next((node for node in nodes if self._is_free(node)), None)
+
+
+def _is_in(room: Body, base: BasePose) -> bool:
+    x, y, _ = (room.pose.inverse() @ Pose((base[0], base[1], room.pose.position[2]))).position
+    return abs(x) < room.size[0] / 2 and abs(y) < room.size[1] / 2
 
 
 class _Flood:
