@@ -277,13 +277,14 @@ class BelievedBodies(ScenePart):
     def leaves_of(self, what: Object, *, shut: bool) -> list[Articulation]:
         """Find the joint of a leaf, or of the leaf with a part, that a designator means, or the joints of furniture.
 
-        Of furniture, those of leaves that are shut come first, or open ones if not ``shut``, then the nearest.
+        Of furniture or of a doorway, those of leaves that are shut come first, or open ones if not ``shut``, then the
+        nearest.
         """
         name, joints, here = self.bind(what), self._belief.joints, self._world.configuration().base
         for joint in joints.values():
             if name in joint.bodies:
                 return [joint]
-        own = (joint for joint in joints.values() if joint.holder == name and not joint.is_knob)
+        own = (one for one in joints.values() if name in (one.holder, *one.frame[:1]) and not one.is_knob)
         return sorted(
             own,
             key=lambda one: (

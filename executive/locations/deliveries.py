@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,11 +17,13 @@ from executive.locations.grasp_candidates import (
     oriented,
     upright,
 )
+from executive.locations.placement import UPRIGHT
 from executive.locations.reachability import GraspClass
 from executive.robots.arms import HandFrame, Held
-from planlang.geometry import Array
+from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Block
 from planlang.geometry.matrices import product, rotated
+from planlang.records import dataclass
 from sim import ComfortZone
 from sim.people import LOW
 
@@ -33,6 +35,8 @@ COMFORTABLE = 0.2
 """Distance inside a comfort zone at which a place is optimal (see :meth:`ComfortZone.margins`)."""
 LEANING = 0.7
 """Weight of offering a thing tilted, relative to level."""
+AS_IT_LAY = 0.5
+"""Weight of putting a thing down as it lay, relative to upright."""
 PARTICULAR, POOREST = 4, 0.001
 """Power of a spot's score, relative to the best, that gives the weight of a candidate, and the smallest weight."""
 
@@ -47,11 +51,13 @@ def held_above(
     *,
     inset: float,
     fine: bool,
+    kept: Sequence[Pose] = (UPRIGHT,),
 ) -> GraspCandidates:
     """Generate level candidates over the block's top, so that a released thing lands whole on it; near the edges first.
 
-    ``heights``: least and greatest height of the lowest point above the top [m]; ``lowest``: that point's height
-    relative to the tip for rotations (m, 3, 3); ``inset``: distance that an empty hand keeps from the edges [m].
+    The held thing is in one of the attitudes ``kept``. ``heights``: least and greatest height of the lowest point above
+    the top [m]; ``lowest``: that point's height relative to the tip for rotations (m, 3, 3); ``inset``: distance that
+    an empty hand keeps from the edges [m].
     """
     places = block.grid(0.1 if fine else 0.2, (max(held.size[:2]) / 2 if held else inset) + 0.03)
     count = HEADINGS if fine else HEADINGS // 2
@@ -63,7 +69,8 @@ def held_above(
     for share in SHARES if fine else SHARES[:1]:
         weights = np.exp(-((over[at, turn] / 0.3) ** 2)) * (1.0 if share == SHARES[0] else 0.8)
         points = np.column_stack([places[at], np.full(len(at), block.high + low + share * (high - low))])
-        tables.append(_level(f"above {name}", points, turns[turn], weights, frame, held, lowest))
+        for attitude in kept:
+            tables.append(_level(f"above {name}", points, turns[turn], weights, frame, held, lowest, attitude))
     return GraspCandidates.joined(tables).best(1200 if fine else 64)
 
 
@@ -109,40 +116,50 @@ def _offered(
     return GraspCandidates.joined(tables).best(1200 if fine else 64)
 
 
-def placing(
-    name: str,
-    spots: Array,
-    scores: Array,
-    rooms: Array,
-    frame: HandFrame,
-    held: Held,
-    *,
-    is_round: bool,
-    fine: bool,
-) -> GraspCandidates:
-    """Generate candidates that lower a held thing, upright, onto one of ``spots``, and retreat.
+@dataclass(frozen=True, slots=True, eq=False)
+class Spots:
+    """Where a thing may be put down in one attitude: its rotation at yaw 0."""
 
-    Spots (n, 4) are places and yaws of the thing, with ``rooms`` (n,) [m] above, from where the hand lowers it. The
-    better the score of a spot (n,), the more natural it is. Round things may be turned freely, others by half a turn.
+    attitude: Pose
+    places: Array
+    """Places and yaws of its box centre (n, 4)."""
+    scores: Array
+    """Scores (n,), higher for better places."""
+    rooms: Array
+    """Headroom of the thing there, (n,) [m], from where the hand lowers it."""
+    turns_freely: bool = False
+    """True for a round thing that stands: others may only be turned by half a turn."""
+
+    @property
+    def is_upright(self) -> bool:
+        """Whether the thing stands as it is meant to."""
+        return self.attitude == UPRIGHT
+
+
+def placing(name: str, spots: Spots, frame: HandFrame, held: Held, *, fine: bool) -> GraspCandidates:
+    """Generate candidates that lower a held thing onto one of some spots, and retreat.
+
+    The better the score of a spot, the more natural it is; less so where the thing does not stand.
     """
-    count = 2 if not is_round else HEADINGS if fine else HEADINGS // 2
-    at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(spots)), np.arange(count), indexing="ij"))
-    yaws = spots[at, 3] + turn * (2 * math.pi / count)
-    base, grasp, heading, roll = _held_upright(frame, held)
+    count = 2 if not spots.turns_freely else HEADINGS if fine else HEADINGS // 2
+    at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(spots.places)), np.arange(count), indexing="ij"))
+    yaws = spots.places[at, 3] + turn * (2 * math.pi / count)
+    base, grasp, heading, roll = _held_as(frame, held, spots.attitude)
     rotations = product(upright(yaws), base)
-    points = spots[at, :3] - held.offsets(rotations)
+    points = spots.places[at, :3] - held.offsets(rotations)
     back = -APPROACH * rotated(rotations, np.asarray(frame.approach))
     still = np.zeros((len(at), 3))
+    shares = spots.scores / spots.scores.max(initial=0.0)
     return GraspCandidates(
         f"put on {name}",
         points,
         rotations,
-        np.stack([rooms[at, None] * np.array([0.0, 0.0, 1.0]), still, back], axis=1),
+        np.stack([spots.rooms[at, None] * np.array([0.0, 0.0, 1.0]), still, back], axis=1),
         1,
         np.full(len(at), grasp, np.intp),
         yaws + heading,
         np.full(len(at), roll, np.intp),
-        np.clip((scores / scores.max(initial=0.0)) ** PARTICULAR, POOREST, 1.0)[at],
+        (1.0 if spots.is_upright else AS_IT_LAY) * np.clip(shares**PARTICULAR, POOREST, 1.0)[at],
     ).best(1200 if fine else 64)
 
 
@@ -154,8 +171,9 @@ def _level(
     frame: HandFrame,
     held: Held | None,
     lowest: Callable[[Array], Array] | None = None,
+    attitude: Pose = UPRIGHT,
 ) -> GraspCandidates:
-    """Generate candidates with a level hand in either roll, or an upright held thing, its centre at places (m, 3).
+    """Generate candidates with a level hand in either roll, or a held thing in an attitude; centres at places (m, 3).
 
     With ``lowest`` (see :func:`held_above`) the places' heights are those of the lowest point of hand and held thing.
     """
@@ -174,7 +192,7 @@ def _level(
             if lowest is None
             else replace(candidates, points=_raised(candidates.points, lowest(candidates.rotations)))
         )
-    base, grasp, heading, roll = _held_upright(frame, held)
+    base, grasp, heading, roll = _held_as(frame, held, attitude)
     rotations = product(upright(headings - heading), base)
     points = places - held.offsets(rotations)
     if lowest is not None:
@@ -189,7 +207,7 @@ def _raised(points: Array, lowest: Array) -> Array:
     return np.asarray(points - lowest[:, None] * np.array([0.0, 0.0, 1.0]))
 
 
-def _held_upright(frame: HandFrame, held: Held) -> tuple[Array, int, float, int]:
-    """Tip rotation that keeps a held thing in its original orientation, with its class, heading and roll."""
-    base: Array = held.pose.matrix()[:3, :3].T
+def _held_as(frame: HandFrame, held: Held, attitude: Pose) -> tuple[Array, int, float, int]:
+    """Tip rotation that keeps a held thing in an attitude, with its class, heading and roll."""
+    base: Array = attitude.matrix()[:3, :3] @ held.pose.matrix()[:3, :3].T
     return (base, *classified(base, frame))

@@ -89,18 +89,20 @@ def from_above(
     headings: int,
     below: tuple[float, ...],
     advance: float = 0.0,
+    ahead: tuple[float, ...] = (0.0, 0.0),
 ) -> GraspCandidates:
     """Generate pre-grasp, grasp, lift and retreat from above for a low thing.
 
-    ``classes`` are among :data:`FROM_ABOVE`; ``below`` is how far the hand extends below the grip point in each of
-    these [m], ``advance`` how far its fingers advance as they close.
+    ``classes`` are among :data:`FROM_ABOVE`; ``below`` and ``ahead`` are how far the hand extends below the grip point
+    and, along a wall, beyond it in each of these [m], ``advance`` how far its fingers advance as they close.
     """
     parts = []
     for one in classes:
-        lower = below[FROM_ABOVE.index(one)]
+        number = FROM_ABOVE.index(one)
+        reach = below[number], ahead[number]
         # fingers at a rim are rarely as low as the support
         raised = (0.0, advance * math.sin(one.pitch)) if advance > SMALL and not block.wall else (0.0,)
-        parts += [_of_class(name, block, frame, max_opening, one, headings, lower, rise) for rise in raised]
+        parts += [_of_class(name, block, frame, max_opening, one, headings, reach, rise) for rise in raised]
     return GraspCandidates.joined(parts)
 
 
@@ -111,16 +113,19 @@ def _of_class(
     max_opening: float,
     grasp: GraspClass,
     headings: int,
-    below: float,
+    reach: tuple[float, float],
     rise: float,
 ) -> GraspCandidates:
-    """Generate the grasps of one class, ``rise`` [m] higher, since the fingers come down when they close."""
-    floor = block.low + block.wall
+    """Generate the grasps of one class, ``rise`` [m] higher, since the fingers come down when they close.
+
+    ``reach`` is how far the hand extends below the grip point, and beyond it along a wall [m].
+    """
+    (below, ahead), floor = reach, block.low + block.wall
     # a tilted grip allows placing farther into a table; without the need to rise the fingers grip deeper
     natural = (0.7 if grasp is GraspClass.TOP else 0.8) * (SHALLOW if rise else 1.0)
     rows = []
     for x, y, yaw in _places(block, headings):
-        across = block.wall or 2 * block.support(yaw + math.pi / 2)
+        across = block.wall + 2 * _bend(block, ahead) if block.wall else 2 * block.support(yaw + math.pi / 2)
         turn = yaw - block.yaw
         weight = 1.0 if block.round or block.wall or abs(math.sin(2 * turn)) < 1e-6 else OBLIQUE
         for tips in _depths(block, floor, CLEARANCES[grasp]) if block.soft or across <= max_opening else ():
@@ -178,6 +183,14 @@ def _rim(block: Block) -> Iterator[tuple[float, float, float]]:
         (place,) = block.to_map(np.array([[x, y]])).tolist()
         for along in (turn + math.pi / 2, turn - math.pi / 2):
             yield place[0], place[1], block.yaw + along
+
+
+def _bend(block: Block, ahead: float) -> float:
+    """Compute how far a wall curves aside within a distance along it [m]: it must not meet the finger inside there."""
+    if not block.round:
+        return 0.0
+    inner = max(block.half_x, block.half_y) - block.wall
+    return inner - math.sqrt(max(inner**2 - ahead**2, 0.0))
 
 
 def _depths(block: Block, floor: float, clearances: tuple[float, ...]) -> list[float]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
-from executive.locations.deliveries import held_above, offering, placing
+from executive.locations.deliveries import Spots, held_above, offering, placing
 from executive.locations.demands import ThingDemand, hand_terms, put_demand
 from executive.locations.grasp_candidates import (
     APPROACH,
@@ -40,7 +40,7 @@ from executive.locations.grasps_from_above import (
     is_low,
 )
 from executive.locations.headroom import NO_WAY_OUT, ONWARDS, headroom, way_out
-from executive.locations.placement import HAIR, Placement
+from executive.locations.placement import HAIR, UPRIGHT, Placement, attitudes
 from executive.locations.reachability import GraspClass
 from executive.locations.rejections import Rejections
 from executive.motion import clearance_at
@@ -67,8 +67,6 @@ LEVEL = 0.2
 """Largest tilt of a level hand, or of an upright thing in it [rad]."""
 
 Mask = NDArray[np.bool_]
-Spots = tuple[Array, Array, Array]
-"""Places with yaws (n, 4) of a thing's box centre, scores (n,), and headroom of the thing there (n,) [m]."""
 
 
 def hand_holds(location: Location, arm: ArmModel, scene: PlanningScene, viewer: tuple[float, float]) -> bool:
@@ -109,7 +107,9 @@ def _holds(term: Conjunct, points: Array, rotations: Array, arm: ArmModel, scene
             block = scene.bodies.block(body)
             over = points[:, 2] + arm.lowest(rotations, held) - block.high
             inside = block.distance(middles[:, :2]) <= 0
-            return np.asarray((over >= low - HAIR) & (over <= high + HAIR) & inside & _level(rotations, arm, held))
+            return np.asarray(
+                (over >= low - HAIR) & (over <= high + HAIR) & inside & _level(rotations, arm, held, _kept(held, scene))
+            )
         case Rest(body, inside):
             if held is None or held.name == body:
                 return np.zeros(len(points), bool)
@@ -154,10 +154,16 @@ def _beside(points: Array, block: Block) -> Array:
     return np.asarray(np.linalg.norm(offsets, axis=2).min(axis=1))
 
 
-def _level(rotations: Array, arm: ArmModel, held: Held | None) -> Mask:
-    """Check whether the hand is level, or the held thing upright."""
+def _kept(held: Held | None, scene: PlanningScene) -> tuple[Pose, ...]:
+    """List the attitudes in which a held thing is put down: upright, and as it lay."""
+    return (UPRIGHT,) if held is None else attitudes(scene.bodies.pose(held.name))
+
+
+def _level(rotations: Array, arm: ArmModel, held: Held | None, kept: Sequence[Pose]) -> Mask:
+    """Check whether the hand is level, or the held thing in one of the attitudes ``kept``."""
     if held is not None:
-        return np.asarray(rotated(rotations, held.pose.matrix()[:3, 2])[:, 2] >= math.cos(LEVEL))
+        ups = [rotated(held.pose.matrix()[:3, :3], one.matrix()[2, :3]) for one in kept]
+        return np.asarray(np.max([rotated(rotations, up)[:, 2] for up in ups], axis=0) >= math.cos(LEVEL))
     axes = [rotated(rotations, np.asarray(axis)) for axis in (arm.frame.approach, arm.frame.closing)]
     return np.asarray(np.max([np.abs(axis[:, 2]) for axis in axes], axis=0) <= math.sin(LEVEL))
 
@@ -243,8 +249,9 @@ def _generated(
             return [retreating(reach.body, scene.arms.grasped_at(reach.body), arm.frame, way, room)]
         case ReachKind.ABOVE:
             block, lowest = scene.bodies.block(reach.body), partial(arm.lowest, held=held)
+            kept = _kept(held, scene)
             candidates = held_above(
-                reach.body, block, arm.frame, held, lowest, reach.heights, inset=arm.hand_radius, fine=fine
+                reach.body, block, arm.frame, held, lowest, reach.heights, inset=arm.hand_radius, fine=fine, kept=kept
             )
             return [_of_class(candidates, reach, rejections)]
         case ReachKind.OFFER:
@@ -265,7 +272,7 @@ def delivering(
     scene: PlanningScene,
     rejections: Rejections,
     stage: Stage,
-    spots: Spots | None = None,
+    spots: Sequence[Spots] | None = None,
 ) -> GraspCandidates:
     """Generate candidates to offer a thing to a person, or to put it down, as an arm holds it or would hold it.
 
@@ -276,22 +283,27 @@ def delivering(
         zone = scene.bodies.zone(reach.body)
         return offering(reach.body, zone, arm.frame, held, fine=fine, low=stage is Stage.CLOSEST)
     assert held is not None, "an empty hand puts nothing down"
-    places, scores, rooms = spots_of(reach, held.name, scene, rejections, stage) if spots is None else spots
-    is_round = scene.bodies.is_round(held.name)
-    return placing(reach.body, places, scores, rooms, arm.frame, held, is_round=is_round, fine=fine)
+    each = spots_of(reach, held.name, scene, rejections, stage) if spots is None else spots
+    return GraspCandidates.joined([placing(reach.body, one, arm.frame, held, fine=fine) for one in each])
 
 
-def spots_of(reach: Reach, name: str, scene: PlanningScene, rejections: Rejections, stage: Stage) -> Spots:
-    """Find where a thing may be put down, some of the best: independent of how it is held.
+def spots_of(reach: Reach, name: str, scene: PlanningScene, rejections: Rejections, stage: Stage) -> tuple[Spots, ...]:
+    """Find where a thing may be put down, in each attitude some of the best: independent of how it is held.
 
     They do not depend on the base pose either; whether it reaches them is tested next.
     """
     demand, oblique = put_demand(reach, name, scene), stage is Stage.CLOSEST
-    spots, scores = Placement(name, demand, scene, near=False, oblique=oblique).spots(rejections)
-    good = int((scores >= GOOD[stage] * scores.max(initial=0.0)).sum())
-    chosen = _spread(spots[:good], MOST_SPOTS[stage])
     boxes, _ = scene.collisions.boxes_but((name,))
-    return spots[chosen], scores[chosen], headroom(scene.bodies.block(name), spots[chosen], boxes)
+    found = []
+    for attitude in attitudes(scene.bodies.pose(name)):
+        placement = Placement(name, demand, scene, near=False, oblique=oblique, attitude=attitude)
+        places, scores = placement.spots(rejections)
+        good = int((scores >= GOOD[stage] * scores.max(initial=0.0)).sum())
+        chosen = _spread(places[:good], MOST_SPOTS[stage])
+        block = placement.block(attitude)
+        rooms = headroom(block, places[chosen], boxes)
+        found.append(Spots(attitude, places[chosen], scores[chosen], rooms, block.round))
+    return tuple(found)
 
 
 def _spread(spots: Array, most: int) -> list[int]:
@@ -400,10 +412,12 @@ def _around(
     tables = [grasping(reach.body, block, arm.frame, arm.max_opening, middle, headings, arm.palm, gaps)]
     above = FROM_ABOVE if is_dish(block) and reach.grasp is None else tuple(one for one in FROM_ABOVE if one in classes)
     for one in _gripped_from_above(block, arm) if above else ():
-        below = tuple(-float(arm.lowest(one.rotations([0.0], [1], arm.frame), None)[0]) for one in FROM_ABOVE)
+        hands = [arm.hand_corners @ one.rotations([0.0], [1], arm.frame)[0].T for one in FROM_ABOVE]
+        below = tuple(-float(corners[:, 2].min()) for corners in hands)
+        ahead = tuple(float(corners[:, 0].max()) for corners in hands)
         # fingers below a handle do not come near the support
         advance = arm.openings.advance(narrowest(one)) if block == scene.bodies.block(reach.body) else 0.0
-        low = from_above(reach.body, one, arm.frame, arm.max_opening, above, headings, below, advance)
+        low = from_above(reach.body, one, arm.frame, arm.max_opening, above, headings, below, advance, ahead)
         boxes, _ = scene.collisions.boxes_but((reach.body,))
         covered = clearance_at(low.points[:, :2], boxes, ((block.high, block.high + OVER, 0.0),)) < 0
         rejections.add("under something else", int(covered.sum()))

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_part import Kept
 from executive.locations.base_candidates import blocks
+from executive.locations.deliveries import Spots
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
-from executive.locations.hand_predicates import Spots, Stage, candidates_of, delivering, spots_of
+from executive.locations.hand_predicates import Stage, candidates_of, delivering, spots_of
 from executive.locations.inverse_maps import InverseMaps
 from executive.locations.rejections import Rejections
 from executive.robots.arms import ArmModel, Held
@@ -50,7 +51,7 @@ class LaterUses:
     def __init__(self, scene: PlanningScene, maps: InverseMaps) -> None:
         self._scene, self._maps = scene, maps
         self._known: Kept[dict[tuple[Reach, Grip, object], bool]] = Kept()
-        self._spots: Kept[dict[tuple[Reach, str], Spots]] = Kept()
+        self._spots: Kept[dict[tuple[Reach, str], tuple[Spots, ...]]] = Kept()
 
     def candidates(self, reach: Reach, arm: ArmModel, log: Rejections, stage: Stage) -> list[GraspCandidates]:
         """Generate the candidates of a reach; of a grasp only those that suit all later uses."""
@@ -68,8 +69,8 @@ class LaterUses:
         offsets = product(inverse(rigid(table.rotations, table.points)), thing)
         suits, fingers = np.ones(len(table), bool), scene.arms.fingers(arm)
         for use in reach.then:
-            # a thing that is offered, or round, may have any yaw
-            turns = use.kind is ReachKind.OFFER or scene.bodies.is_round(reach.body)
+            # a thing that is offered, or round and standing, may have any yaw
+            turns = use.kind is ReachKind.OFFER or scene.bodies.block(reach.body).round
             for row, offset in enumerate(offsets):
                 essential = offset[:3, 3] if turns else offset[:3].ravel()
                 kind = int(table.grasps[row]), int(table.rolls[row])
@@ -108,7 +109,7 @@ class LaterUses:
                 return True
         return False
 
-    def _spots_of(self, use: Reach, name: str) -> Spots | None:
+    def _spots_of(self, use: Reach, name: str) -> tuple[Spots, ...] | None:
         """Find where a use may put a thing down, once for all grips; None if it is offered."""
         if use.kind is ReachKind.OFFER:
             return None

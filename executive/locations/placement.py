@@ -1,4 +1,4 @@
-"""Poses of things at locations: upright, on or in other things, or in front of people, with clearance.
+"""Poses of things at locations: upright or as they lay, on or in other things, or in front of people, with clearance.
 
 A round thing may have any yaw; others are aligned with the edges of their support, or else at 45 degrees to them.
 """
@@ -47,6 +47,10 @@ TRAVEL = 4.0
 """Distance of the base over which a place loses most of its score [m]."""
 ROOMY, ROOMY_BESIDE = 0.1, 0.01
 """Clearance beyond which a place gets no better [m]; smaller beside something, where more things may follow."""
+LAID = math.cos(math.radians(20.0))
+"""Least cosine between the vertical and an axis of a thing that lies on a side."""
+UPRIGHT = Pose((0.0, 0.0, 0.0))
+"""Attitude of a thing that stands."""
 ACROSS = 0.5
 """Weight of a long thing that points at what it is beside, as things lie parallel to each other."""
 MOST_CELLS = 24
@@ -64,9 +68,11 @@ class Placement:
     """True if places near the base's present pose are better."""
     oblique: bool = False
     """True if things that are not round may also stand at 45 degrees to the edges of their support."""
+    attitude: Pose = UPRIGHT
+    """Rotation of the object at yaw 0, among :func:`attitudes`; it stands upright by default."""
 
     def spots(self, log: Rejections) -> tuple[Array, Array]:
-        """Find places and yaws (n, 4) of the object's box centre, upright, and scores (n,), best first.
+        """Find places and yaws (n, 4) of the object's box centre, in its attitude, and scores (n,), best first.
 
         Rejected ones are counted.
         """
@@ -78,9 +84,9 @@ class Placement:
         return spots[order], scores[order]
 
     def poses(self, log: Rejections) -> Iterator[Pose]:
-        """Yield poses of the object's box centre, upright, best first; rejected ones are counted."""
+        """Yield poses of the object's box centre, in its attitude, best first; rejected ones are counted."""
         for x, y, z, yaw in self.spots(log)[0].tolist():
-            yield Pose.planar(x, y, yaw, z)
+            yield Pose.planar(x, y, yaw, z) @ self.attitude
 
     def _free(self, upright: Block, log: Rejections) -> tuple[Array, Array]:
         """Find places (m, 3) for the object's centre, turned as ``upright``, a prism at the origin, and scores."""
@@ -108,7 +114,7 @@ class Placement:
         room = self._room(upright, centres)
         crowded = room < FREE
         log.refuse("no room for the object", centres[crowded])
-        for body in self._crowding(centres[crowded]):
+        for body in self._crowding(upright, centres[crowded]):
             log.blocking[body] += 1
         roomy, border = (ROOMY_BESIDE, EDGE_BESIDE) if any(area.directions for area in areas) else (ROOMY, EDGE)
         score = np.clip(room, 0.0, roomy) / roomy
@@ -129,7 +135,7 @@ class Placement:
 
     def holds(self, pose: Pose) -> bool:
         """Check whether the object would be at the required location with a pose."""
-        demand, block = self.demand, self._block(pose)
+        demand, block = self.demand, self.block(pose)
         resting = [
             (demand.on, False, True),
             (demand.inside, True, True),
@@ -147,17 +153,19 @@ class Placement:
     def _size(self) -> tuple[float, float, float]:
         return self.scene.bodies.size(self.name)
 
-    def _block(self, pose: Pose) -> Block:
+    def block(self, pose: Pose) -> Block:
+        """Fit the object's prism at a pose."""
         return Block.of(pose, self._size, cylinder=self.scene.bodies.is_round(self.name))
 
     def _turned(self) -> tuple[Block, ...]:
         """Create the object at the origin, in each of its allowed headings."""
         where = self.demand.on or self.demand.inside
         yaw = 0.0 if where is None else self.scene.bodies.block(where).yaw
-        one = self._block(Pose.planar(0.0, 0.0, yaw))
+        one = self.block(Pose.planar(0.0, 0.0, yaw) @ self.attitude)
         is_square = abs(one.half_x - one.half_y) < HAIR
         others = () if one.round or where is None else (1, 2, 3) if self.oblique else () if is_square else (2,)
-        return (one, *(self._block(Pose.planar(0.0, 0.0, yaw + turn * math.pi / 4)) for turn in others))
+        turned = (Pose.planar(0.0, 0.0, yaw + turn * math.pi / 4) @ self.attitude for turn in others)
+        return (one, *map(self.block, turned))
 
     def _rests(self, block: Block, centres: Array, body: str, *, inside: bool) -> NDArray[np.bool_]:
         """Check whether a block, centred at places (m, 3), rests on a body, or is ``inside`` it, completely (m,)."""
@@ -237,27 +245,40 @@ class Placement:
         room = np.full(len(centres), np.inf)
         for z in np.unique(centres[:, 2]):
             level = centres[:, 2] == z
-            band = self._band(float(z), radius)
+            band = _band(upright, float(z), radius)
             spots = (centres[level, None, :2] + offsets).reshape(-1, 2)
             room[level] = clearance_at(spots, boxes, (band,)).reshape(-1, len(offsets)).min(axis=1)
         return room
 
-    def _crowding(self, centres: Array) -> list[str]:
-        """Name the bodies that occupy some of the places."""
+    def _crowding(self, upright: Block, centres: Array) -> list[str]:
+        """Name the bodies that occupy some of the places for the object's centre."""
         boxes, bodies = self.scene.collisions.boxes_but((self.name, self.demand.on or ""))
         some = centres[:: max(1, len(centres) // 16)]
         crowding: dict[str, None] = {}
         for z in dict.fromkeys(some[:, 2].tolist()):
-            places, band = some[some[:, 2] == z, :2], self._band(z, max(self._size[:2]) / 2)
+            places, band = some[some[:, 2] == z, :2], _band(upright, z, max(upright.half_x, upright.half_y))
             for index, body in enumerate(bodies):
                 if body not in crowding and clearance_at(places, boxes.only(index), (band,)).min() < FREE:
                     crowding[body] = None
         return list(crowding)
 
-    def _band(self, z: float, radius: float) -> tuple[float, float, float]:
-        """Band that the object occupies with its centre at a height, from just above its support."""
-        half = self._size[2] / 2
-        return z - half - ABOVE_SURFACE + FLAT, z + half, radius
+
+def attitudes(pose: Pose) -> tuple[Pose, ...]:
+    """List the rotations at yaw 0 in which to put down a thing that was taken at a pose: upright, and as it lay."""
+    rotation = pose.matrix()[:3, :3]
+    vertical = int(np.abs(rotation[2]).argmax())
+    if vertical == 2 or abs(rotation[2, vertical]) < LAID:
+        return (UPRIGHT,)
+    yaw = Block.of(pose, (1.0, 1.0, 1.0)).yaw
+    lying = np.eye(4)
+    lying[:3, :3] = np.rint((Pose.planar(0.0, 0.0, -yaw).matrix()[:3, :3]) @ rotation)
+    return UPRIGHT, Pose.from_matrix(lying)
+
+
+def _band(block: Block, z: float, radius: float) -> tuple[float, float, float]:
+    """Band that an object occupies with its centre at a height, from just above its support."""
+    half = (block.high - block.low) / 2
+    return z - half - ABOVE_SURFACE + FLAT, z + half, radius
 
 
 def _points_at(block: Block, area: Region) -> bool:

@@ -20,7 +20,7 @@ from executive.locations.changes import Changes
 from executive.locations.hand_solutions import base_matrices
 from executive.locations.rejections import COLLISION, NO_ROOM, NO_WAY, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.locations.standing import Standing
-from executive.modules.furniture.leaf_grips import LAGS, Grips, grips_of
+from executive.modules.furniture.leaf_grips import LAGS, Grips, grips_of, outwards_of
 from executive.motion import Chain, cartesian_path
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
@@ -64,6 +64,7 @@ class LeafPath:
     """Base pose, grip of the handle, and motion of the arm that moves the leaf from there."""
 
     arm: ArmModel
+    handle: str
     base: BasePose
     fingers: Fingers
     """Opening of the hand for the approach to the handle."""
@@ -101,10 +102,11 @@ class LeafPaths:
         self._values, self._enough = values, enough
         partial: list[LeafPath] = []
         any_path = False
-        for arm, tight in ((arm, tight) for tight in (False, True) for arm in arms):
+        hands = [(by, arm) for by in self._by_handles() for arm in arms]
+        for (by, arm), tight in ((hand, tight) for tight in (False, True) for hand in hands):
             if tight and any_path:
                 break
-            paths = self._of_arm(arm, values, enough, tight=tight)
+            paths = self._of_arm(by, arm, values, enough, tight=tight)
             for path in _whole_first(paths, count) if joint.kind is JointKind.PRISMATIC else paths:
                 any_path = any_path or path is not None
                 if path is None or len(path.values) >= enough:
@@ -114,18 +116,25 @@ class LeafPaths:
         least = max(2, math.ceil(ENOUGH * count))
         yield from sorted((one for one in partial if len(one.values) > least), key=lambda one: -len(one.values))
 
+    def _by_handles(self) -> list[Articulation]:
+        """List the joint as it is moved by each handle of the leaf, those on the side of the base first."""
+        joint, scene = self._joint, self._scene
+        by = [joint.by(handle) for handle in joint.handles]
+        here = np.array([scene.base()])
+        return sorted(by, key=lambda one: not _before(scene, one, here)[0]) if len(by) > 1 else by
+
     def _reach(self, scene: PlanningScene) -> bool:
         """Check whether an arm would reach the handle from a free base pose in a scene that is supposed.
 
         Ignores collisions of the arm.
         """
         hypothetical = LeafPaths(scene, self._joint)  # its own counts: these candidates were not really tried
-        for arm in self._tried:
-            grips = grips_of(scene, arm, self._joint)
+        for by, arm in ((by, arm) for by in self._by_handles() for arm in self._tried):
+            grips = grips_of(scene, arm, by)
             if len(grips):
-                bases, _ = hypothetical._bases(arm, self._values, grips, self._enough)
+                bases, _ = hypothetical._bases(by, arm, self._values, grips, self._enough)
                 roomy = np.ones(len(self._values), bool)
-                search = _ArmPaths(scene, self._joint, arm, grips, self._values, roomy, hypothetical.rejected)
+                search = _ArmPaths(scene, by, arm, grips, self._values, roomy, hypothetical.rejected)
                 if len(bases) and search.reach(bases[: BLOCK * MOST_BLOCKS]):
                     return True
         return False
@@ -161,57 +170,66 @@ class LeafPaths:
 
     # One arm
 
-    def _of_arm(self, arm: ArmModel, values: Array, enough: int, *, tight: bool) -> Iterator[LeafPath | None]:
-        """Yield the collision-free paths of one arm, best base poses first; None after each batch."""
-        grips = self._free(arm, grips_of(self._scene, arm, self._joint, tight=tight))
+    def _of_arm(
+        self, joint: Articulation, arm: ArmModel, values: Array, enough: int, *, tight: bool
+    ) -> Iterator[LeafPath | None]:
+        """Yield the collision-free paths of one arm by one handle, best base poses first; None after each batch."""
+        grips = self._free(joint, arm, grips_of(self._scene, arm, joint, tight=tight))
         if not len(grips):
             return
-        roomy = self._roomy(arm, grips, values, enough)
-        search = _ArmPaths(self._scene, self._joint, arm, grips, values, roomy, self.rejected)
-        bases, steps = self._bases(arm, values, grips, enough)
+        roomy = self._roomy(joint, arm, grips, values, enough)
+        search = _ArmPaths(self._scene, joint, arm, grips, values, roomy, self.rejected)
+        bases, steps = self._bases(joint, arm, values, grips, enough)
         for first in range(0, min(len(bases), BLOCK * MOST_BLOCKS), BLOCK):
             block = slice(first, first + BLOCK)
             yield from search.of(bases[block], steps[block])
             yield None
 
-    def _free(self, arm: ArmModel, grips: Grips) -> Grips:
+    def _free(self, joint: Articulation, arm: ArmModel, grips: Grips) -> Grips:
         """Select the grips in which the hand itself, without its arm, is free at the handle and before it."""
         if not len(grips):
             self.rejected.add("too wide for the gripper")
             return grips
-        check = self._scene.collisions.arm_check(arm, self._joint.handle, grips.fingers)
+        check = self._scene.collisions.arm_check(arm, joint.handle, grips.fingers)
         hits = [one or other for one, other in zip(*map(check.hand_hit, (grips.starts, grips.before)), strict=True)]
         self.rejected.count(Reason(NO_GRIP, one) for one in hits if one is not None)
         return grips.chosen(np.array([one is None for one in hits], bool))
 
-    def _roomy(self, arm: ArmModel, grips: Grips, values: Array, enough: int) -> NDArray[np.bool_]:
+    def _roomy(self, joint: Articulation, arm: ArmModel, grips: Grips, values: Array, enough: int) -> NDArray[np.bool_]:
         """Mark the values (n,) of the joint at which a hand could grasp the handle again, so that a path may end there.
 
         Otherwise a door beside a wall would be opened so far that no hand could close it again. Values up to ``enough``
         are always allowed. The arm is approximated by its hand at the distances :data:`BEHIND`.
         """
-        first = self._joint.motion(float(values[0])).inverse().matrix()
-        check = self._scene.collisions.arm_check(arm, self._joint.handle, grips.fingers)
+        first = joint.motion(float(values[0])).inverse().matrix()
+        check = self._scene.collisions.arm_check(arm, joint.handle, grips.fingers)
         approaches = np.stack([grips.short_by(away) for away in (0.0, *BEHIND)], axis=1)
         roomy = np.ones(len(values), bool)
         for number in range(enough, len(values) if values[-1] > values[0] else 0):
-            motion = product(self._joint.motion(float(values[number])).matrix(), first)
+            motion = product(joint.motion(float(values[number])).matrix(), first)
             hits = check.hand_hit(product(motion, approaches).reshape(-1, 4, 4))
             roomy[number] = np.array([one is None for one in hits]).reshape(len(grips), -1).all(axis=1).any()
         return roomy
 
     # Base poses
 
-    def _bases(self, arm: ArmModel, values: Array, grips: Grips, enough: int) -> tuple[Array, NDArray[np.intp]]:
-        """Sample free base poses (m, 3) within reach of the handle, best first.
+    def _bases(
+        self, joint: Articulation, arm: ArmModel, values: Array, grips: Grips, enough: int
+    ) -> tuple[Array, NDArray[np.intp]]:
+        """Sample free base poses (m, 3) within reach of the handle and, of a door between rooms, on its side.
+
+        The best come first.
 
         Also returns for how many of ``values`` the leaf can move from each (m,): as far as the arm reaches and the leaf
         does not sweep over the base.
         """
-        first = self._joint.motion(float(values[0])).inverse().matrix()
+        first = joint.motion(float(values[0])).inverse().matrix()
         middle = grips.points.mean(axis=0)
-        tips = np.stack([moved(product(self._joint.motion(v).matrix(), first), middle) for v in values.tolist()])
+        tips = np.stack([moved(product(joint.motion(v).matrix(), first), middle) for v in values.tolist()])
         bases, coarse = self._standing.lattice(arm, tips)
+        if joint.frame:
+            here = _before(self._scene, joint, bases)
+            bases, coarse = bases[here], coarse[here]
         reached, strain = _within_reach(arm, bases, tips)
         kept = reached > 1
         self.rejected.add(OUT_OF_REACH.text, 0 if kept.any() else len(kept))
@@ -234,6 +252,12 @@ class LeafPaths:
             local = np.abs(moved(pose.inverse().matrix(), points)) - np.asarray(leaf.size) / 2
             free[:, number] = np.linalg.norm(np.maximum(local, 0.0), axis=1) > radius
         return np.asarray(np.logical_and.accumulate(free, axis=1).sum(axis=1))
+
+
+def _before(scene: PlanningScene, joint: Articulation, bases: Array) -> NDArray[np.bool_]:
+    """Mark the base poses (m, 3) that are on the side of a leaf where its handle is."""
+    leaf = np.array(scene.bodies.pose(joint.leaf).position)
+    return np.asarray((bases[:, :2] - leaf[:2]) @ outwards_of(scene, joint)[:2] > 0)
 
 
 def _whole_first(paths: Iterator[LeafPath | None], count: int) -> Iterator[LeafPath | None]:
@@ -407,7 +431,9 @@ class _ArmPaths:
             self._rejected.add("no way for the fingers to leave the handle")
             return None
         count = 1 + int(free[-1])
-        return LeafPath(arm, base, fingers, joints[0], poses[: 1 + count], self._values[:count], joints[1 : 1 + count])
+        return LeafPath(
+            arm, handle, base, fingers, joints[0], poses[: 1 + count], self._values[:count], joints[1 : 1 + count]
+        )
 
     def _leaves(self, grip: int, lag: int, count: int) -> NDArray[np.bool_]:
         """Mark the first ``count`` values of the joint at which the open hand can retreat from the leaf (count,).

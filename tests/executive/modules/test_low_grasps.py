@@ -124,6 +124,22 @@ def test_a_dish_is_hollow_and_its_walls_are_where_it_is_gripped() -> None:
         assert np.linalg.norm(grips(block)[:, :2] - place[:2], axis=1).min() < 1e-6
 
 
+@pytest.mark.parametrize("width", [0.11, 0.13, 0.14])
+def test_a_small_bowl_on_a_counter_is_gripped_by_its_rim_with_room_for_the_finger_inside(
+    make_stage: MakeStage, width: float
+) -> None:
+    """Fingers of a tilted hand reach ahead of the grip point, where the wall of a small bowl has curved aside."""
+    counter = Body("counter", Pose((1.9, 0.0, 0.45)), (0.6, 2.4, 0.9), type="CounterTop")
+    size = (width, width, 0.06)
+    bowl = Body("bowl", Pose((1.72, -0.3, 0.93)), size, "cylinder", type="Bowl-Eating", movable=True, wall=0.006)
+    stage = make_stage(counter, bowl)
+    found = next(stage.resolver.bases(a_location(in_reach_of=an_object("Bowl-Eating", PLACE + "bowl"))))
+    contacts = stage.platform.scene.collisions.contacts
+    grips = [one for hand in stage.resolver.reached_from(found.base).values() for one in hand.values()]
+    assert grips
+    assert not any(contacts(found.base, one.arm, one.joints[1], fingers=one.plan.fingers) for one in grips)
+
+
 def test_what_is_flat_is_not_taken_from_the_side(make_stage: MakeStage) -> None:
     stage = make_stage(CABINET, THINGS["fork"], BED)
     what = an_object("Fork-SilverwarePiece", PLACE + "fork")

@@ -119,6 +119,30 @@ def test_places_at_the_edge_come_last_where_more_may_come_beside(make_stage: Mak
     assert spare.min() > 0.05
 
 
+@pytest.mark.parametrize("length", [0.12, 0.2], ids=["can", "bottle"])
+def test_what_lies_is_put_down_lying_where_the_arm_cannot_set_it_up(make_stage: MakeStage, length: float) -> None:
+    low = Body("low", Pose((-2.0, 0.0, 0.25)), (0.6, 1.2, 0.5), type="CoffeeTable-PieceOfFurniture")
+    laid = replace(BOTTLE, pose=Pose((1.5, 0.0, 0.8325), (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))))
+    stage = make_stage(CABINET, replace(laid, size=(0.065, 0.065, length)), low)
+    before, around = a_location(in_front_of=THE_BOTTLE), a_location(in_center_of=THE_BOTTLE)
+    stand(stage, next(stage.resolver.bases(a_location(in_reach_of=(THE_BOTTLE, before, around)))).base)
+
+    async def take() -> None:
+        await perform(action("Reaching", to_location=before))
+        await perform(action("OpeningAGripper"))
+        await perform(action("Reaching", to_location=around))
+        await perform(action("ClosingAGripper", object_acted_on=THE_BOTTLE))
+        await perform(action("Reaching", to_location=before))
+        await perform(action("Reaching", to_location=a_posture("carrying")))
+
+    stage.run(take)
+    there = an_object(low.type, PLACE + "low")
+    stand(stage, next(stage.resolver.bases(a_location(in_reach_of=(there, a_location(on=there))))).base)
+    put_down(stage, a_location(on=there))
+    assert at_rest_on(stage.truth, "bottle") == "low"
+    assert abs(stage.truth.pose("bottle").rotation[2, 2]) < 0.02
+
+
 def test_an_empty_hand_puts_nothing_down(make_stage: MakeStage) -> None:
     stage = make_stage(BED, BOTTLE, CABINET, TABLE)
 
