@@ -216,7 +216,8 @@ def look_and_repeat(what: Object) -> Do:
 def open_what_is_in_the_way(what: Object) -> Do:
     """Open the closed door or drawer that hides the object, then run the body again.
 
-    A failure with another reason propagates.
+    If the search for places has found that there is one once something else was done, such as closing a drawer that is
+    open before it, or opening a door further, that is done first. A failure with another reason propagates.
     """
 
     Usage("open_what_is_in_the_way", {"what": "bottle"}).instance("what", what, Object, "an object")
@@ -224,13 +225,25 @@ def open_what_is_in_the_way(what: Object) -> Do:
     async def open_it(failure: PlanFailure) -> RecoveryResult:
         closed = next((link for link in failure.chain() if isinstance(link, BehindClosedDoor)), None)
         if closed is None or closed.door is None:
-            return PROPAGATE
+            return await _made_way(failure)
         opening = action("OpeningAContainerArtifact", object_acted_on=closed.door)
         again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(closed.door), retries=AGAIN)
         await perform(opening, recoveries=[again])
         return RETRY
 
     return open_it
+
+
+async def _made_way(failure: PlanFailure) -> RecoveryResult:
+    """Do what makes a place for the location that had none, as the search for it has found, if it has."""
+    unresolved = (link for link in failure.chain() if isinstance(link, LocationUnresolvable))
+    first = next((link.first for link in unresolved if link.first is not None), None)
+    if first is None:
+        return PROPAGATE
+    with suppress(PlanFailure):
+        await perform(first)
+        return RETRY
+    return PROPAGATE
 
 
 @recovery_strategy("StepBackAndRepeat", about_object=True, moves_base=True)

@@ -15,7 +15,6 @@ from planlang.designators import Object
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Block, Door
-from planlang.ontology import shorten
 from planlang.protocols import Touch
 from planlang.state.matter import KG_PER_ML
 from sim import Body, ComfortZone, WorldMirror
@@ -71,8 +70,7 @@ class BelievedBodies(ScenePart):
 
     def designator(self, name: str) -> Object:
         """Build a designator of a body, which may be of the map or created."""
-        thing = next(thing for thing in self._belief.things if thing.name == name)
-        return Object(shorten(thing.types[0]) if thing.types else "EnduringThing-Localized", thing.iri)
+        return self._belief.designator(name)
 
     def pose(self, name: str) -> Pose:
         """Look up the believed map pose of a body; of a held one, where it was grasped."""

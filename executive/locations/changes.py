@@ -15,8 +15,11 @@ from executive.belief.planning_scene import PlanningScene
 from executive.locations.reachability import CELL
 from executive.locations.rejections import Rejections
 from executive.motion import clearance_at
+from planlang.designators import Action, action
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Block
+from planlang.state import WorldState
+from sim.joints import Articulation, JointKind
 
 MOST_TRIED = 4
 """Number of bodies whose removal is tested."""
@@ -35,6 +38,14 @@ TOWARDS = 0.7
 GRAZING = 5e-3
 """Height by which a displaced thing may overlap others [m]: it stands on one of them."""
 
+AROUND = 1.5
+"""Distance from the thing within which open doors and drawers are closed, or opened further, for trial [m]."""
+MOST_LEAVES = 2
+"""Number of these."""
+FURTHER = 0.9
+"""Share of its range below which a leaf may be opened further."""
+OPEN, CLOSE = "OpeningAContainerArtifact", "ClosingAContainerArtifact"
+
 IsFeasible = Callable[[PlanningScene], bool]
 """Check whether a scene, which is supposed, has a base pose."""
 
@@ -48,6 +59,12 @@ def with_supports(names: Iterable[str], bodies: BelievedBodies) -> set[str]:
         support = bodies.support(name)
         left += [support] if support is not None and support not in found else []
     return found
+
+
+def _measure(joint: Articulation, value: float) -> str:
+    """State a value of a joint for people."""
+    slides = joint.kind is JointKind.PRISMATIC
+    return f"{100 * value:.0f} cm" if slides else f"{math.degrees(value):.0f} degrees"
 
 
 class Changes:
@@ -72,6 +89,37 @@ class Changes:
     def helping(self) -> str:
         """Describe a change that helps: another robot away, the thing at an edge, without a body, or let down."""
         return self._once_left() or self.nearer() or self._without() or self._let_down()
+
+    def by_the_robot(self) -> tuple[Action | None, str]:
+        """Find an action of the robot that helps, and describe it: to close what is open near the thing, or to open it
+        further; None and "" if neither does.
+        """
+        for joint, value in self._leaves_near():
+            name, now = joint.leaf, self.scene.belief.joint(joint.leaf)
+            state = self.scene.belief.with_leaf(name, value)
+            hidden = self.scene.supposing(state).bodies.closed_before(self.body)
+            if hidden is None and self._tries(state):
+                what, is_shut = self.scene.bodies.designator(name), joint.is_shut(value)
+                if is_shut:
+                    return action(CLOSE, object_acted_on=what), f"with {name} closed, {self.body} could be reached"
+                opening = action(OPEN, object_acted_on=what, all_the_way=True)
+                wide = f"{_measure(joint, value)} instead of {_measure(joint, now)}"
+                return opening, f"with {name} open by {wide}, {self.body} could be reached"
+        return None, ""
+
+    def _leaves_near(self) -> Iterator[tuple[Articulation, float]]:
+        """Yield open doors and drawers near the thing, most in the way first, with values to which to move them."""
+        scene, blocking = self.scene, self.log.ordered_blocking()
+        point = np.array(scene.bodies.pose(self.body).position)
+        near = (
+            joint
+            for leaf, joint in scene.belief.joints.items()
+            if scene.belief.is_left_open(leaf) and scene.bodies.block(leaf).away(point) < AROUND
+        )
+        for joint in sorted(near, key=lambda one: (-blocking.get(one.leaf, 0), one.leaf))[:MOST_LEAVES]:
+            if scene.belief.joint(joint.leaf) < FURTHER * joint.upper:
+                yield joint, joint.upper
+            yield joint, 0.0
 
     def _once_left(self) -> str:
         """Name what drives by itself, if that is in the way where it is now."""
@@ -171,7 +219,11 @@ class Changes:
 
     def _helps(self, poses: Mapping[str, Pose | None]) -> bool:
         """Check whether a change helps; without searches left it counts as no help."""
+        return self._tries(self.scene.belief.state.placed(poses))
+
+    def _tries(self, state: WorldState) -> bool:
+        """Check whether it helps if the world is in a state; without searches left it counts as no help."""
         if not self._left:
             return False
         self._left -= 1
-        return self._is_feasible(self.scene.supposing(self.scene.belief.state.placed(poses)))
+        return self._is_feasible(self.scene.supposing(state))

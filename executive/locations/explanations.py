@@ -78,8 +78,11 @@ def explain_bases(
     if is_feasible is not None:
         changes = Changes(wanted[0].body, scene, log, is_feasible, needed=needed)
         # where something closes the way, nothing that is done to the thing opens it
-        closing = explanation.closing() if reason == NO_WAY else ()
-        helping = changes.without_one_of(closing) if closing else changes.helping()
+        if closing := explanation.closing() if reason == NO_WAY else ():
+            helping = changes.without_one_of(closing)
+        else:
+            log.first, helping = changes.by_the_robot()
+            helping = helping or changes.helping()
     if not helping and (instead := explanation.excluded() or explanation.no_hold()):
         measured = instead
     if measured or helping:

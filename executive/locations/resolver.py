@@ -56,6 +56,7 @@ from planlang.failures import DesignatorFailure, LocationUnresolvable, MissingCa
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Clear, Facing, Region
 from planlang.kept import Latest
+from planlang.language.performances import by_class
 from planlang.language.performing import actions_around
 from planlang.progress import Report, unreported
 from planlang.protocols import Solution
@@ -82,7 +83,7 @@ class Resolver:
         self._answers: Kept[Latest[Hashable, Replayable[Solution]]] = Kept(1)
         self._supposed: Kept[Resolver] = Kept(MOST_SUPPOSED)
         self._viewers: Latest[Location, tuple[float, float]] = Latest(MOST_VIEWERS)
-        self._here: Kept[dict[tuple[Location, tuple[float, float]], bool]] = Kept(1)
+        self._here: Kept[dict[Hashable, bool]] = Kept(1)
         self.watchers: list[Callable[[Location, Rejections], object]] = []
         """Called with the log of each search for base poses when it begins; the log then keeps the places examined."""
 
@@ -96,7 +97,8 @@ class Resolver:
             other._viewers, other._here, other.watchers = Latest(MOST_VIEWERS, viewers), Kept(1), []
             return other
 
-        return self._supposed.of((scene.content(), scene.belief.memory.bound, viewers), make)
+        memory = scene.belief.memory
+        return self._supposed.of((scene.content(), memory.bound, memory.meanings, viewers), make)
 
     def when(self, state: WorldState) -> Resolver:
         """Return the resolver that answers what locations would resolve to in another state."""
@@ -113,7 +115,8 @@ class Resolver:
         self._look(location)
         if log is not None:
             return self._reported(location, self._bases(location, Question(log)))
-        question = location, tuple(actions_around())  # enclosing actions restrict the grips
+        # enclosing actions restrict the grips, and say what designators by class mean
+        question = location, tuple(actions_around()), self._meant(location)
         answers = self._answers.of(self.scene.content(), lambda: Latest(MOST_QUESTIONS))
 
         def search() -> Iterator[Solution]:
@@ -357,7 +360,7 @@ class Resolver:
         """Check whether the base, the hand of a device, or an object is at a location, validated as in a search."""
         scene = self.scene
         if what is None:
-            key, known = (location, self._viewer(location)), self._here.of(scene.content(), dict)
+            key, known = (location, self._viewer(location), self._meant(location)), self._here.of(scene.content(), dict)
             if key not in known:
                 known[key] = self.satisfies(location, scene.base()) is not None
             return known[key]
@@ -367,6 +370,10 @@ class Resolver:
         name = scene.bodies.bind(what)
         demand = thing_demand(location, name, scene, viewer)
         return Placement(name, demand, scene).holds(scene.bodies.pose(name))
+
+    def _meant(self, location: Location) -> tuple[str | None, ...]:
+        """List the bodies that designators by class in a location mean, which differ between performances of a step."""
+        return tuple(self.scene.bodies.known(what) for what in by_class(location.things()))
 
     def _look(self, location: Location) -> None:
         """Fix the viewpoint of a location's left and right at the present base pose."""

@@ -19,6 +19,7 @@ from planlang.language.branches import Branch
 from planlang.language.budgets import charge
 from planlang.language.conditions import Goal, achieving
 from planlang.language.executive import current, executive_for
+from planlang.language.performances import performing
 from planlang.language.plans import Handle, Plan, Restarting, join
 from planlang.language.process_module import performs
 from planlang.language.recovery import Recovery, recoveries_of, recovering
@@ -156,14 +157,15 @@ async def perform(
     if otherwise is not None:
         _PERFORM.branch("otherwise", otherwise)
     check_action(_PERFORM, action, name)
-    step: Branch = partial(_performed, action, name, once, otherwise)
+    path_element = name or action.name or local_name(action.type)
+    step: Branch = partial(_performed, action, path_element, once, otherwise)
     if until is not None:
         step = achieving(_PERFORM, "until", until, step)
-    return await recovering(step, recoveries_of(_PERFORM, recoveries))
+    with performing(action, path_element):
+        return await recovering(step, recoveries_of(_PERFORM, recoveries))
 
 
-async def _performed(action: Action, name: str | None, once: bool, otherwise: Branch | None) -> Any:
-    path_element = name or action.name or local_name(action.type)
+async def _performed(action: Action, path_element: str, once: bool, otherwise: Branch | None) -> Any:
     executive = current.get() if otherwise is not None else executive_for("perform")
     module = None if executive is None else module_for(executive, action, otherwise)
     if executive is None or module is None:

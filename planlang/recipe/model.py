@@ -128,6 +128,9 @@ class Thing:
     stated: str = ""
     owner: str | None = None
     slot: Slot | None = None
+    where: tuple[tuple[str, Thing], ...] = ()
+    """Relations (keys of :data:`planlang.relations.RELATIONS`) in which an instance of the class has to stand to things
+    when it is chosen."""
 
     @property
     def name(self) -> str:

@@ -85,6 +85,10 @@ class LeafWork(HandWork):
             with suppress(ManipulationFailure, NavigationFailure, EnvironmentManipulationFailure):
                 await self._motion(joint.upper, joint.upper).run()
 
+    async def open_further(self) -> None:
+        """Open the leaf as far as it goes; raises as :meth:`open` does if it does not move."""
+        await self._motion(self._joint.upper, self._value() + NO_FURTHER * self._joint.upper).run()
+
     async def close(self) -> None:
         """Close the leaf; raises as :meth:`open` does."""
         await self._move(0.0, self._joint.last_shut, self._joint.is_shut)
@@ -285,7 +289,8 @@ class Containers(HandWork):
     async def execute(self, action: Action) -> str:
         """Open or close ``object_acted_on``; return the name of the door, drawer or lid.
 
-        Furniture is open when one of its leaves is, the nearest that is closed, and closed when all of them are.
+        Furniture is open when one of its leaves is, the nearest that is closed, and closed when all of them are. What
+        is open already is opened further ``all_the_way``.
         """
         what = self.object_of(action, "open or close")
         opens = "OpeningAContainerArtifact" in self.platform.ancestors(action.type)
@@ -294,5 +299,8 @@ class Containers(HandWork):
             raise ActionUnresolvable(f"{what} has no door, drawer or lid", designator=str(action))
         for joint in leaves[: 1 if opens else len(leaves)]:
             work = LeafWork(self.platform, joint)
-            await (work.open() if opens else work.close())
+            if opens and action.get("all_the_way"):
+                await work.open_further()
+            else:
+                await (work.open() if opens else work.close())
         return leaves[0].leaf

@@ -14,7 +14,7 @@ from planlang.ontology.expression_text import expression_of, text_of
 from planlang.ontology.expressions import FACETS
 from planlang.ontology.terms import OWL, RDF
 from planlang.recipe.checks import CheckedRecipe
-from planlang.recipe.fillers import action_class, action_properties, is_relation, takes_numbers
+from planlang.recipe.fillers import action_class, action_properties, is_relation, read_described, takes_numbers
 from planlang.recipe.model import Place
 from planlang.recipe.readers import partial_order
 from planlang.recipe.readers.alternatives import is_union
@@ -32,6 +32,8 @@ def unread_filling(ontology: Ontology, owner: str, filling: Filling) -> Diagnost
     """Report (R035) a filler that is an expression, or that is required several times; None for any other."""
     short, term = local_name(shorten(filling.property)), filling.term
     if isinstance(term, BNode):
+        if filling.number == 1 and not is_relation(filling.property) and read_described(ontology, term) is not None:
+            return None
         what = f"{short} of `{local_name(owner)}`"
         return _unread(ontology, what, term, filling.span, _instead(ontology, filling.property, term))
     if filling.number > 1:
@@ -196,7 +198,10 @@ def _instead(ontology: Ontology, property_name: str, term: BNode) -> str:
         case "individual":
             return "give it a name"
         case _:
-            return f"name a class alone, or an individual: `{short} value` and its name"
+            return (
+                f"name a class alone, a class and relations to one thing each (`{short} some (Cup and on-Physical value"
+                f" table1)`), or an individual: `{short} value` and its name"
+            )
 
 
 def _types(ontology: Ontology, individual: str) -> Iterator[tuple[BNode, Span]]:

@@ -296,7 +296,12 @@ class Witness:
         points, keep = grid.reshape(-1, 2), CORE * self.robot.base.radius
         free = np.any([area.distances(points) == 0 for room in rooms for area in (outline(room), *_openings(room))], 0)
         walls = ((room, at, size) for room in rooms for at, size in walls_of(room))
-        solid = ((body, body.pose, body.size) for body in self.scene.bodies if body.shape not in ("room", "marker"))
+        hung = {name for joint in self.scene.joints if joint.frame for name in joint.bodies}  # they may be opened
+        solid = (
+            (body, body.pose, body.size)
+            for body in self.scene.bodies
+            if body.shape not in ("room", "marker") and body.name not in hung
+        )
         low_ones = (one for one in (*walls, *solid) if one[1].position[2] - one[2][2] / 2 < LOW)
         for area in itertools.starmap(outline, low_ones):
             free &= area.distances(points) > keep

@@ -67,7 +67,11 @@ NOT_UNDERSTOOD = [
     ("step", "k:objectActedOn min 0 k:Cup"),
     ("step", "k:objectActedOn some k:Cup, k:objectActedOn max 0 k:Cup"),
     ("step", "k:objectActedOn some k:Cup, k:objectActedOn only (k:Cup and (k:on-Physical some k:Shelf))"),
-    ("step", "k:objectActedOn some (k:Cup and (k:on-Physical value table1))"),
+    ("step", "k:objectActedOn some (k:Cup and (k:on-Physical some k:Nowhere))"),
+    ("step", "k:objectActedOn some (k:Cup and (k:on-Physical value table1) and not k:Bowl-Eating)"),
+    ("step", "k:objectActedOn some (k:Cup and (k:on-Physical some (k:Table-PieceOfFurniture and k:Desk)))"),
+    ("step", "k:objectActedOn some (k:Cup and (k:on-Physical value table1) and (k:depthOfObject value 0.1))"),
+    ("step", "k:objectActedOn some (k:Cup and (k:on-Physical only k:Table-PieceOfFurniture))"),
     ("step", "k:objectActedOn some (k:Cup and k:Container)"),
     ("step", "k:objectActedOn some (k:Cup or k:Bowl-Eating)"),
     ("step", "k:objectActedOn some (not k:Bowl-Eating)"),
@@ -110,6 +114,30 @@ def test_what_is_not_understood_of_a_filler_is_an_error(tmp_path: Path, part: st
     errors = [one for one in diagnostics if one.severity is Severity.ERROR]
     assert errors, diagnostics
     assert all(one.span is not None and one.span.line > 1 and one.help for one in errors)
+
+
+@pytest.mark.parametrize(
+    ("expression", "cup"),
+    [
+        ("k:Cup and (k:on-Physical value table1)", '"Cup", where=a_location(on=TABLE)'),
+        ("(k:on-Physical value table1) and k:Cup", '"Cup", where=a_location(on=TABLE)'),
+        ("k:Cup and (k:on-Physical exactly 1 k:Table-PieceOfFurniture)", '"Cup", where=a_location(on='),
+        (
+            "k:Cup and (k:near value cup1) and (k:on-Physical value table1)",
+            '"Cup", where=a_location(near=CUP',
+        ),
+    ],
+)
+@pytest.mark.parametrize("part", ["step", "condition"])
+def test_a_thing_of_a_class_may_have_to_stand_in_relations_to_others(
+    tmp_path: Path, expression: str, cup: str, part: str
+) -> None:
+    whole = {
+        "step": f"k:objectActedOn some ({expression})",
+        "condition": f"k:VisualPerception and (k:detectedObject some ({expression}))",
+    }
+    plan, diagnostics = compiled(tmp_path, **{part: whole[part]})
+    assert f"an_object({cup}" in plan, diagnostics
 
 
 SAME = [
