@@ -127,8 +127,9 @@ class Resolver:
 
     def _reported(self, location: Location, found: Iterator[Solution]) -> Iterator[Solution]:
         """Report a search for base poses while it works on the next one."""
+        things = ", ".join(dict.fromkeys(map(str, location.things()))) or str(location)
         while True:
-            self._report(f"searching for a place to stand for {location}", math.nan)
+            self._report(f"searching for a place to stand for {things}", math.nan)
             try:
                 solution = next(found, None)
             finally:

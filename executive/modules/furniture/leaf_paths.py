@@ -56,6 +56,8 @@ LEAVING = (0.25, 0.5, 1.0)
 """Shares of the retreat from the handle at which to check the hand."""
 SWEPT = Reason("swept over by the leaf")
 NO_GRIP = "no room for the hand at the handle"
+MOST_SUPPOSED = 6
+"""Most batches and paths of a search in a scene that is supposed."""
 MOST_NAMED = 3
 """Most obstacles to name in a failure."""
 
@@ -143,6 +145,14 @@ class LeafPaths:
                     return True
         return False
 
+    def _moves(self, scene: PlanningScene) -> bool:
+        """Check whether a path moves the leaf far enough in a scene that is supposed, within a few batches."""
+        if not self._reach(scene):  # the cheaper question
+            return False
+        value, sufficient = float(self._values[-1]), float(self._values[self._enough - 1])
+        paths = LeafPaths(scene, self._joint).towards(value, self._tried, sufficient)
+        return any(path is not None and len(path.values) >= self._enough for path in islice(paths, MOST_SUPPOSED))
+
     # Why there is none
 
     def failure(self) -> LocationUnresolvable:
@@ -159,7 +169,7 @@ class LeafPaths:
             figures = f"{counts[COLLISION]} postures with a hand at it are in collision, mostly with {bodies}"
         elif not figures and counts and set(counts) <= {OUT_OF_REACH.text, NO_ROOM, NO_WAY, SWEPT.text, NO_GRIP}:
             height = f"{handle} is at {self._scene.bodies.pose(handle).position[2]:.2f} m"
-            figures = Changes(handle, self._scene, rejected, self._reach).helping() or height
+            figures = Changes(handle, self._scene, rejected, self._moves).helping() or height
         reason = next(iter(counts), "")
         rejected.figures = {reason: figures} if figures else {}
         return rejected.failure(f"the base with a hand at {handle} as {joint.leaf} moves")
