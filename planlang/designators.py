@@ -13,6 +13,17 @@ from numbers import Real
 from typing import Any, cast
 from warnings import warn
 
+from planlang.designator_usage import ACTION as _ACTION
+from planlang.designator_usage import ACTION_CLASS as _ACTION_CLASS
+from planlang.designator_usage import CONDITION as _CONDITION
+from planlang.designator_usage import HOLDING as _HOLDING
+from planlang.designator_usage import LOCATED as _LOCATED
+from planlang.designator_usage import LOCATION as _LOCATION
+from planlang.designator_usage import OBJECT as _OBJECT
+from planlang.designator_usage import POSE as _POSE
+from planlang.designator_usage import POSTURE as _POSTURE
+from planlang.designator_usage import RELATION as _RELATION
+from planlang.designator_usage import SITUATION as _SITUATION
 from planlang.iris import is_called as is_called
 from planlang.iris import label_iris as label_iris
 from planlang.iris import local_name as local_name
@@ -29,43 +40,28 @@ from planlang.relations import RELATIONS, measured, named
 GRASPS: tuple[str, ...] = ("side", "tilted", "top")
 """Classes of grasps, by the direction from which the hand approaches."""
 
-_OBJECT = Usage("an_object", {"type": '"DrinkingBottle"'}, {"iri": '"http://example.org/room.owl#bottle1"'})
-_RELATION = Usage("Relation", {"name": '"near"', "references": "(table,)"}, {"within": "0.5", "beyond": "0.1"})
-_LOCATION = Usage(
-    "a_location",
-    {"in_reach_of=": "bottle"},
-    {
-        "name": '"pose1"',
-        "using": "RIGHT_GRIPPER",
-        "grasp": '"side"',
-        "not_": "a_location(near=door)",
-        "relations": "()",
-    },
-)
-_ACTION = Usage("action", {"type": '"Reaching"'}, {"name": '"reach"', "object_acted_on": "bottle"})
-_ACTION_CLASS = Usage("action_class", {"iri": '"http://example.org/soup#StirSoup"'}, {"below": '"Stirring"'})
-_SITUATION = Usage("a_situation", {"type": '"DoorOpen"'}, {"object_acted_on": "door"})
-_CONDITION = Usage("Condition", {"predicate": '"holding"', "arguments": "(bottle,)"})
-_HOLDING = Usage("holding", {"what": "bottle"})
-_LOCATED = Usage("located", {"where": "a_location(near=table)"}, {"what": "bottle"})
-_POSE = Usage("a_pose", {"x": "1.0", "y": "0.0"}, {"name": '"origin"', "z": "0.0", "yaw": "0.0"})
-_POSTURE = Usage("a_posture", {"name": '"carrying"'})
-
 
 @dataclass(frozen=True, slots=True)
 class Object:
     """An object, described by its class and, if known, its individual.
 
-    An executive looks for an individual of the map with this ``iri`` first, else for one of the class.
+    An executive looks for an individual of the map with this ``iri`` first, else for one of the class. With ``where``
+    it is one of the class that is there when it is chosen.
     """
 
     type: str
     iri: str | None = None
+    where: Location | None = None
 
     def __post_init__(self) -> None:
         _OBJECT.text("type", self.type)
         if self.iri is not None:
             _OBJECT.text("iri", self.iri)
+        if self.where is not None:
+            _OBJECT.instance("where", self.where, Location, "a location")
+            if self.iri is not None:
+                message = "an individual is chosen already: where says which thing of a class is meant"
+                raise _OBJECT.refused("where", message, self.where)
 
     @property
     def name(self) -> str:
@@ -73,7 +69,7 @@ class Object:
         return local_name(self.iri or self.type)
 
     def __str__(self) -> str:
-        return self.name
+        return self.name if self.where is None else f"{self.name} that is {self.where}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -329,9 +325,12 @@ def _check_described(usage: Usage, type_: object, properties: object) -> None:
                 raise usage.wrong(key, value, meant)
 
 
-def an_object(type: str, iri: str | None = None) -> Object:
-    """Describe an object of a class, or the individual ``iri``."""
-    return Object(type, iri)
+def an_object(type: str, iri: str | None = None, *, where: Location | None = None) -> Object:
+    """Describe an object of a class, or the individual ``iri``.
+
+    ``where`` is the location of an object of the class when it is chosen: ``where=a_location(on=table)``.
+    """
+    return Object(type, iri, where)
 
 
 def a_person(type: str = "Person", iri: str | None = None) -> Person:

@@ -11,7 +11,7 @@ from dataclasses import field
 from typing import ClassVar
 
 from planlang.closure import grouped
-from planlang.designators import Object
+from planlang.designators import Action, Object
 from planlang.plan_failure import PlanFailure as PlanFailure
 from planlang.plan_failure import Where as Where
 from planlang.plan_failure import counts_in_words, in_words
@@ -308,20 +308,20 @@ class LocationUnresolvable(DesignatorFailure):
     """Every candidate was rejected. ``counts`` has their number by reason, ``blocking`` by body in the way.
 
     ``figures`` is a sentence about the most frequent reason: the measured value and the value that is needed. ``after``
-    is the number of places that were found before and failed as well.
+    is the number of places that were found before and failed as well. ``first`` is an action that makes a place.
     """
 
     counts: Mapping[str, int] = field(default_factory=dict, kw_only=True)
     blocking: Mapping[str, int] = field(default_factory=dict, kw_only=True)
     figures: str = field(default="", kw_only=True)
     after: int = field(default=0, kw_only=True)
+    first: Action | None = field(default=None, kw_only=True)
 
     text: ClassVar[str] = "no place found"
 
     def describe(self) -> str:
         """``no place found for DESIGNATOR: FIGURES (312 candidates: 112 in collision; in the way: bed1 96, ...)``."""
-        wanted = f" for {self.designator}" if self.designator else ""
-        text = f"{self.text}{wanted}"
+        text = self.text + (wanted := f" for {self.designator}" if self.designator else "")
         if self.after:
             found = "only one place was" if self.after == 1 else f"only {self.after} places were"
             text = f"{found} found{wanted}, and {'it' if self.after == 1 else 'each'} failed"
@@ -342,7 +342,7 @@ class BehindClosedDoor(LocationUnresolvable):
 
     def because(self) -> str:
         """``bottle1 is behind door1, which is closed``."""
-        return f"{self.what} is behind {self.door}, which is closed"
+        return f"{self.what} is {'' if self.what == str(self.door) else f'behind {self.door}, which is '}closed"
 
 
 @dataclass(eq=False, repr=False)

@@ -216,7 +216,8 @@ def look_and_repeat(what: Object) -> Do:
 def open_what_is_in_the_way(what: Object) -> Do:
     """Open the closed door or drawer that hides the object, then run the body again.
 
-    A failure with another reason propagates.
+    If the search for places has found that there is one once something else was done, such as closing a drawer that is
+    open before it, or opening a door further, that is done first. A failure with another reason propagates.
     """
 
     Usage("open_what_is_in_the_way", {"what": "bottle"}).instance("what", what, Object, "an object")
@@ -224,7 +225,7 @@ def open_what_is_in_the_way(what: Object) -> Do:
     async def open_it(failure: PlanFailure) -> RecoveryResult:
         closed = next((link for link in failure.chain() if isinstance(link, BehindClosedDoor)), None)
         if closed is None or closed.door is None:
-            return PROPAGATE
+            return await _made_way(failure)
         opening = action("OpeningAContainerArtifact", object_acted_on=closed.door)
         again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(closed.door), retries=AGAIN)
         await perform(opening, recoveries=[again])
@@ -233,10 +234,23 @@ def open_what_is_in_the_way(what: Object) -> Do:
     return open_it
 
 
+async def _made_way(failure: PlanFailure) -> RecoveryResult:
+    """Do what makes a place for the location that had none, as the search for it has found, if it has."""
+    unresolved = (link for link in failure.chain() if isinstance(link, LocationUnresolvable))
+    first = next((link.first for link in unresolved if link.first is not None), None)
+    if first is None:
+        return PROPAGATE
+    with suppress(PlanFailure):
+        await perform(first)
+        return RETRY
+    return PROPAGATE
+
+
 @recovery_strategy("StepBackAndRepeat", about_object=True, moves_base=True)
 def step_back_and_repeat(what: Object) -> Do:
     """Drive one step back with the arms in their driving posture, look at the object, then run the body again.
 
+    Where the search has found that something else makes a way, such as closing a drawer beside, that is done instead.
     That no hand is free propagates at once: a step back frees none, and what is put down may be what the plan is for.
     Touches and sightings on the way change the next plan: how far a door has opened, what blocks it. If a search fails
     twice with the same result, nothing has changed, and the failure propagates.
@@ -254,6 +268,8 @@ def step_back_and_repeat(what: Object) -> Do:
                 if found in searched:
                     return PROPAGATE
                 searched.add(found)
+        if await _made_way(failure) == RETRY:
+            return RETRY
         with suppress(LowLevelFailure):  # without room to step back the body may still succeed
             await perform(action("SteppingBack"))
         await _sees(what)

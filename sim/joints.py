@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from enum import StrEnum
 
 import numpy as np
@@ -22,6 +23,8 @@ SHUT = 0.03
 """Share of its range up to which a joint counts as closed."""
 WIDE = 0.7
 """Share of its range from which on a joint counts as open: 63 of 90 degrees."""
+PASSABLE = 0.9
+"""The same for a door between rooms: a base drives past it."""
 Point = tuple[float, float, float]
 
 
@@ -32,7 +35,7 @@ class JointKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Articulation:
-    """Joint between a leaf (a door, a drawer, a lid) and the furniture that holds it, at a fixed place in the map."""
+    """Joint between a leaf (a door, a drawer, a lid) and what holds it, furniture or a wall, at a fixed place."""
 
     leaf: str
     """The moving body."""
@@ -49,6 +52,11 @@ class Articulation:
     """Bodies that move with the leaf: handles, knobs, the front of a drawer."""
     handle: str | None = None
     """The part by which a hand moves the leaf."""
+    other_handles: tuple[str, ...] = ()
+    """Further parts by which a hand can move it: those on the other side of a door between rooms."""
+    frame: tuple[str, ...] = ()
+    """Of a door between rooms: the doorway, wall or room in which it hangs, then the rooms that it parts; its holder is
+    None. It may touch them. Empty for leaves of furniture."""
     first: float = 0.0
     """Initial value."""
     sign: float = 1.0
@@ -70,6 +78,16 @@ class Articulation:
         """Whether the leaf is its own handle: a knob, which opens nothing."""
         return self.handle == self.leaf
 
+    @property
+    def handles(self) -> tuple[str, ...]:
+        """All parts by which a hand can move the leaf, the preferred one first."""
+        return () if self.handle is None else (self.handle, *self.other_handles)
+
+    def by(self, handle: str) -> Articulation:
+        """Get the joint as a hand moves it that holds one of its handles."""
+        others = tuple(one for one in self.handles if one != handle)
+        return self if handle == self.handle else replace(self, handle=handle, other_handles=others)
+
     def within(self, value: float) -> float:
         """Clamp a value to the limits."""
         return min(max(value, self.lower), self.upper)
@@ -82,7 +100,7 @@ class Articulation:
     @property
     def first_open(self) -> float:
         """Smallest value at which the leaf counts as open."""
-        return WIDE * self.upper
+        return (PASSABLE if self.frame else WIDE) * self.upper
 
     def is_shut(self, value: float) -> bool:
         """Check whether the leaf counts as closed."""

@@ -336,13 +336,14 @@ class KinematicScene:
         self._here()
         hand = self.robot.link_pose(link)
         near = {other for name in joint.bodies for other in self._contacts.touching(name, NEAR_BY)}
-        touched = frozenset((*near, *joint.bodies, *((joint.holder,) if joint.holder else ())))
+        touched = frozenset((*near, *joint.bodies, *joint.frame, *((joint.holder,) if joint.holder else ())))
         carried = self._leaves.inside(leaf, self.held)
-        closed = self._leaves.handle(leaf)
+        handle = self._leaves.handle(leaf, hand)
+        closed = self._leaves.closed(leaf, handle)
         grip = moved((hand.inverse() @ joint.motion(self._leaves.values[leaf])).matrix(), closed)
         turn = hand.inverse() @ joint.motion(self._leaves.values[leaf]) if joint.is_knob else None
         hands, moves = self.robot.hand_of(link), self.robot.moves
-        self._leaves.led[leaf] = LeafGrasp(link, grip, closed, hands, touched, carried, moves, turn)
+        self._leaves.led[leaf] = LeafGrasp(link, handle, grip, closed, hands, touched, carried, moves, turn)
 
     def let_go(self, leaf: str) -> None:
         """Release a leaf where it is; no effect if no hand holds it."""

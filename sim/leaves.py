@@ -25,6 +25,8 @@ class LeafGrasp:
 
     link: str
     """Link of the robot that holds the handle."""
+    handle: str | None
+    """The handle that it holds."""
     grip: Array
     """Centre of the handle in the link's frame, (3,): the hand may turn about it."""
     closed: Array
@@ -32,7 +34,7 @@ class LeafGrasp:
     hand: frozenset[int]
     """Numbers of the hand's links, which may touch the handle."""
     touched: frozenset[str]
-    """Bodies that the leaf may touch: its holder, and those near it when it was grasped."""
+    """Bodies that the leaf may touch: its holder or frame, and those near it when it was grasped."""
     carried: dict[str, Pose] = field(default_factory=dict)
     """Bodies inside the leaf, with their poses in its frame."""
     placed: int | None = None
@@ -92,9 +94,14 @@ class Leaves:
         """Check whether a knob is turned far enough to switch its device."""
         return self.values[knob.body] >= HALFWAY * self.joints[knob.body].upper
 
-    def handle(self, leaf: str) -> Array:
-        """Locate the centre of a leaf's handle, or of a leaf without one, (3,) in the map when the leaf is closed."""
-        return np.array(self._bodies.bodies[self.joints[leaf].handle or leaf].pose.position)
+    def handle(self, leaf: str, hand: Pose) -> str | None:
+        """Find the handle of a leaf that is nearest to a hand; None for a leaf without any."""
+        handles = self.joints[leaf].handles
+        return min(handles, key=lambda name: self._bodies.poses[name].distance(hand), default=None)
+
+    def closed(self, leaf: str, part: str | None) -> Array:
+        """Locate the centre of a leaf's part, or of the leaf itself, (3,) in the map when the leaf is closed."""
+        return np.array(self._bodies.bodies[part or leaf].pose.position)
 
     def leader(self, body: str) -> str | None:
         """Find the link of the robot that moves a leaf, one of its parts or its contents, if any."""
@@ -103,7 +110,7 @@ class Leaves:
 
     def hands_on(self, body: str) -> frozenset[int]:
         """List the numbers of the links that may touch a handle because they hold it."""
-        return frozenset().union(*(led.hand for leaf, led in self.led.items() if body == self.joints[leaf].handle))
+        return frozenset().union(*(led.hand for led in self.led.values() if body == led.handle))
 
 
 def contents(leaf: Pose, size: Sequence[float], poses: Mapping[str, Pose]) -> dict[str, Pose]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotations
-from planlang.geometry.shapes import Size, SolidKind, outline_of
+from planlang.geometry.shapes import Size, SolidKind, footprint, outline_of
 from planlang.kept import Latest
 from planlang.protocols import Configuration, Contact, Touch
 from planlang.records import dataclass
@@ -140,12 +140,12 @@ class PlanningWorld(KinematicScene):
         return tuple(bands)
 
     def outlines(self, without: Collection[str] = ()) -> tuple[Outline, ...]:
-        """Compute the robot's outlines from above: z_low, z_high [m] and a polygon for each solid link.
+        """Compute the robot's outlines from above: z_low, z_high [m] and a polygon for each solid link and held piece.
 
-        Polygons (n, 2) are in the frame of the base, counter-clockwise, and lie within the link; links that a joint of
-        ``without`` moves are left out.
+        Polygons (n, 2) are in the frame of the base, counter-clockwise, and lie within the link; those of held pieces
+        are around them. What a joint of ``without`` moves is left out.
         """
-        shape = self._shape(without)
+        shape, left_out = self._shape(without), self._moved(without)
         if shape.outlines is None:
             self._show(self._at_origin())
             numbers = self._numbers(without)
@@ -153,8 +153,19 @@ class PlanningWorld(KinematicScene):
             shape.outlines = tuple(
                 (low, high, polygon) for (low, high, _), polygon in zip(shape.bands, polygons, strict=True)
             )
+        carried = []
+        for name, held in self.held.items():
+            if not self.robot.carrier(held.link) & left_out:
+                self._show(self._at_origin())
+                carried += [self._outline(index) for index in self._bodies.of[name]]
         self._here()
-        return shape.outlines
+        return (*shape.outlines, *carried)
+
+    def _outline(self, index: int) -> Outline:
+        """Compute the outline of a piece of a body around where it is now."""
+        piece, low, high = self._bodies.pieces[index], self._bodies.lower[index, 2], self._bodies.upper[index, 2]
+        polygon = footprint(piece.pose, piece.part.size, cylinder=piece.part.kind == SolidKind.CYLINDER)
+        return float(low), float(high), polygon
 
     def _shape(self, without: Collection[str]) -> Shape:
         """Compute the robot's shape in its posture, without links that a joint of ``without`` moves; cached."""

@@ -15,7 +15,6 @@ from planlang.designators import Object
 from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Block, Door
-from planlang.ontology import shorten
 from planlang.protocols import Touch
 from planlang.state.matter import KG_PER_ML
 from sim import Body, ComfortZone, WorldMirror
@@ -71,8 +70,7 @@ class BelievedBodies(ScenePart):
 
     def designator(self, name: str) -> Object:
         """Build a designator of a body, which may be of the map or created."""
-        thing = next(thing for thing in self._belief.things if thing.name == name)
-        return Object(shorten(thing.types[0]) if thing.types else "EnduringThing-Localized", thing.iri)
+        return self._belief.designator(name)
 
     def pose(self, name: str) -> Pose:
         """Look up the believed map pose of a body; of a held one, where it was grasped."""
@@ -281,13 +279,14 @@ class BelievedBodies(ScenePart):
     def leaves_of(self, what: Object, *, shut: bool) -> list[Articulation]:
         """Find the joint of a leaf, or of the leaf with a part, that a designator means, or the joints of furniture.
 
-        Of furniture, those of leaves that are shut come first, or open ones if not ``shut``, then the nearest.
+        Of furniture or of a doorway, those of leaves that are shut come first, or open ones if not ``shut``, then the
+        nearest.
         """
         name, joints, here = self.bind(what), self._belief.joints, self._world.configuration().base
         for joint in joints.values():
             if name in joint.bodies:
                 return [joint]
-        own = (joint for joint in joints.values() if joint.holder == name and not joint.is_knob)
+        own = (one for one in joints.values() if name in (one.holder, *one.frame[:1]) and not one.is_knob)
         return sorted(
             own,
             key=lambda one: (

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.motion import Boxes, clearance_at
-from executive.motion.clearance import TOUCHING, Band, Outline, clearances_at, cores, stands_in_none
+from executive.motion.clearance import Band, clearances_at
+from executive.motion.outlines import TOUCHING, Outline, cores, stands_in_none
 from planlang.geometry import Array
 from planlang.records import dataclass
 

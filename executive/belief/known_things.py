@@ -10,15 +10,18 @@ from typing import Any
 
 import numpy as np
 
+from executive.belief.meanings import Choice
 from executive.belief.memory import VISION, BasePose, Knowledge, Memory, Recognition, Source
 from executive.belief.obstacles import NAMES
+from executive.belief.purposes import Purposes
 from executive.maps.classes import MapObject, is_kind
 from executive.maps.contents import is_content
 from executive.maps.semantic_map import SemanticMap, namesakes, namespace_of
 from planlang.designators import Object, unused_name
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.geometry import Pose
-from planlang.ontology import expand
+from planlang.language.performances import Performance, performance_of
+from planlang.ontology import expand, shorten
 from planlang.state import Grip
 from sim import PlanningWorld
 from sim.joints import Articulation
@@ -54,6 +57,8 @@ class KnownThings:
         self.trusts_map = trusts_map
         self.revision = 0
         """Number of changes so far, by which the records of a trace count them."""
+        self.purposes: Purposes | None = None
+        """What steps are for, by which things are chosen for designators by class; None: that is unknown."""
         self.tell: Callable[[str, Mapping[str, Any]], None] = ignore
         """Listener of changes: event, details."""
         state = world.world_state(robot)
@@ -176,26 +181,64 @@ class KnownThings:
     def bind(self, what: Object, near: BasePose) -> str:
         """Resolve a designator to the object of its IRI, else of its name; otherwise to the nearest one of its class.
 
-        A designator stays bound to an object as long as that exists. Without a match it resolves to the nearest object
-        that contains a substance of the class, which is not bound. Raises ObjectUnresolvable, with a list of the known
-        objects, and AmbiguousPerception if two objects seen from here are equally near.
+        A designator stays bound to an object as long as that exists; one by class within the performance of a step, see
+        :mod:`executive.belief.meanings`. Without a match it resolves to the nearest object that contains a substance of
+        the class, which is not bound. Raises ObjectUnresolvable, with a list of the known objects, and
+        AmbiguousPerception if two objects seen from here are equally near.
         """
-        if what not in self.memory.bound:
-            name = self._find(what, near)
-            if name is None:
-                return self._container(what, near)
-            self.bound_to(what, name)
-        return self.memory.bound[what]
+        performance = performance_of(what)
+        if performance is None:
+            name = self.memory.bound.get(what) or self._find(what, near)
+            if name is not None and what not in self.memory.bound:
+                self.bound_to(what, name)
+        else:
+            name = self._meant_in(performance, what, near)
+        return self._container(what, near) if name is None else name
 
     def bound_to(self, what: Object, name: str) -> None:
-        """Bind a designator to an object."""
-        self.memory = replace(self.memory, bound={**self.memory.bound, what: name})
+        """Bind a designator to an object, in the performance of a step around the running task if it is by class."""
+        performance = performance_of(what)
+        if performance is None:
+            self.memory = replace(self.memory, bound={**self.memory.bound, what: name})
+        else:
+            self.memory = self.memory.meaning(what, self._choice(what, performance).of(name))
+
+    def _meant_in(self, performance: Performance, what: Object, near: BasePose) -> str | None:
+        """Find what a designator by class means in a performance, and bind it if that is new; None without a match."""
+        known, choice = self.memory.meant_in(what, performance.path), self._choice(what, performance)
+        if known is not None:
+            if choice.serves and not known.served:
+                self.memory = self.memory.meaning(what, known._replace(served=True))
+            return known.name
+        name = choice.last if choice.is_same() else self._find(what, near, choice)
+        if name is not None:
+            self.memory = self.memory.meaning(what, choice.of(name))
+        return name
+
+    def _choice(self, what: Object, performance: Performance) -> Choice:
+        """Begin to choose what a designator by class means in a performance."""
+        purposes, had = self.purposes, self.memory.meanings.get(what, ())
+        each = [None if purposes is None else purposes.of(one, what) for one in performance.actions]
+
+        def is_done(name: str) -> bool:
+            return purposes is not None and purposes.reached(each[0], what, self.designator(name))
+
+        serves = any(one is not None and not one.passes for one in each)
+        return Choice(what, performance, each[0], serves, had, self.memory.bound.get(what), is_done)
+
+    def designator(self, name: str) -> Object:
+        """Build a designator of a thing, which may be of the map or created."""
+        thing = next(thing for thing in self.things if thing.name == name)
+        return Object(shorten(thing.types[0]) if thing.types else "EnduringThing-Localized", thing.iri)
 
     def of_class(self, what: Object) -> tuple[str, ...]:
-        """List the objects of a designator's class, in the order of the map."""
-        return tuple(thing.name for thing in self.things if thing.name in self._poses and self.is_a(thing, what.type))
+        """List the objects of a designator's class that are where it says, in the order of the map."""
+        fitting = (one.name for one in self.things if one.name in self._poses and self.is_a(one, what.type))
+        if what.where is None or self.purposes is None:
+            return tuple(fitting)
+        return tuple(name for name in fitting if self.purposes.is_at(what.where, self.designator(name)))
 
-    def _find(self, what: Object, near: BasePose) -> str | None:
+    def _find(self, what: Object, near: BasePose, choice: Choice | None = None) -> str | None:
         placed = [thing for thing in self.things if thing.name in self._poses]
         named = namesakes(self.map.ontology, placed, what)
         if len(named) == 1:
@@ -205,16 +248,26 @@ class KnownThings:
             for thing in named or placed
             if self.is_a(thing, what.type)
         }
+        if what.where is not None:
+            right = self.of_class(what)
+            distances = {name: distance for name, distance in distances.items() if name in right}
         if not distances or self._missing(what) is not None:
             return None
+        if choice is not None:
+            there = [name for name in distances if name not in self.state.away] or list(distances)
+            distances = {name: distances[name] for name in choice.among(there, self.held)}
         nearest = min(distances, key=lambda name: distances[name])
         equal = tuple(n for n in distances if distances[n] - distances[nearest] < ALIKE and self.seen_from_here(n))
-        if len(equal) > 1 and nearest in equal:
+        if len(equal) > 1 and nearest in equal and (choice is None or choice.last is None):
             raise AmbiguousPerception(what=str(what), candidates=equal)
         return nearest
 
     def _container(self, what: Object, near: BasePose) -> str:
         """Find the nearest object that contains the substance of a designator."""
+        if what.where is not None:
+            others = ", ".join(self.of_class(replace(what, where=None))) or "none"
+            told = f"no {what.name} is known to be {what.where}; known of this class: {others}"
+            raise ObjectUnresolvable(told, designator=str(what))
         individual = self._missing(what)
         containers = [
             name

@@ -84,6 +84,23 @@ class Knowledge(NamedTuple):
     """Number of motions of the base before that."""
 
 
+class Meaning(NamedTuple):
+    """What a designator by class means in one performance of a step."""
+
+    performance: str
+    """Path of the performance in the run."""
+    step: str
+    """The step, the same in each of its performances."""
+    aim: str
+    """What it is for, the same for all steps that want the same of different things; the step, if that is unknown."""
+    name: str
+    """The thing."""
+    turn: int
+    """Number of times that the designator was bound anew: steps of a turn share a thing."""
+    served: bool
+    """True if the step, or one within it, brings about something that lasts, such as where the thing is."""
+
+
 @dataclass(frozen=True, slots=True)
 class Memory:
     """Where the facts of a believed state come from. Immutable, as the state is: what happens makes another one.
@@ -107,7 +124,9 @@ class Memory:
     in_vain: Mapping[str, tuple[BasePose, ...]] = field(default_factory=dict)
     """Object -> base poses from which it was looked for and not seen, since it was last seen."""
     bound: Mapping[Object, str] = field(default_factory=dict)
-    """Designator -> object that it stands for as long as that exists."""
+    """Designator -> object that it stands for as long as that exists; if by class, in the latest performance."""
+    meanings: Mapping[Object, tuple[Meaning, ...]] = field(default_factory=dict)
+    """Designator by class -> what it means in each performance of a step, in the order in which these needed it."""
     made: Mapping[str, MapObject] = field(default_factory=dict)
     """Objects created during the run, by name."""
     gone: tuple[str, ...] = ()
@@ -141,7 +160,18 @@ class Memory:
     def without_place(self, name: str) -> Memory:
         """Forget where an object was; its designators may be bound to others."""
         bound = {what: meant for what, meant in self.bound.items() if meant != name}
-        return replace(self, known=without(self.known, name), bound=bound)
+        others = {what: tuple(one for one in had if one.name != name) for what, had in self.meanings.items()}
+        return replace(self, known=without(self.known, name), bound=bound, meanings=others)
+
+    def meant_in(self, what: Object, performance: str) -> Meaning | None:
+        """Look up what a designator by class means in a performance; None if that has not needed it yet."""
+        return next((one for one in self.meanings.get(what, ()) if one.performance == performance), None)
+
+    def meaning(self, what: Object, where: Meaning) -> Memory:
+        """Bind a designator by class in a performance, and after it."""
+        others = (one for one in self.meanings.get(what, ()) if one.performance != where.performance)
+        bound, meanings = {**self.bound, what: where.name}, {**self.meanings, what: (*others, where)}
+        return replace(self, bound=bound, meanings=meanings)
 
     def destroyed(self, name: str) -> Memory:
         """Remember that an object exists no more."""

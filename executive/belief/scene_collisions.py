@@ -1,10 +1,9 @@
-"""Collisions in the believed world: exact contacts, quick checks that rule them out, and free floor for the base."""
+"""Collisions in the believed world: exact contacts, and quick checks that rule them out."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import replace
 from itertools import combinations
 from operator import itemgetter
 from typing import TYPE_CHECKING
@@ -13,13 +12,11 @@ import numpy as np
 
 from executive.belief.belief import Belief
 from executive.belief.believed_bodies import MEANT, handles_of
-from executive.belief.floor import CELL, Floor
 from executive.belief.memory import BasePose as BasePose
-from executive.belief.scene_part import Kept, ScenePart
-from executive.motion import Boxes, Grid, QuickCheck
+from executive.belief.scene_floor import SceneFloor
+from executive.belief.scene_part import Kept
+from executive.motion import QuickCheck
 from executive.motion.arm_bodies import ArmBodies, ArmShapes, Ignored, Room, links_of
-from executive.motion.bodies import Solids
-from executive.motion.clearance import EVERY, LACKING, SPARE, Drivable, drivable, free_poses, outlines
 from executive.robots import Gripper
 from executive.robots.arms import ArmModel, RobotModel
 from executive.robots.openings import Fingers
@@ -35,13 +32,6 @@ from sim.scene import BodyShape
 if TYPE_CHECKING:  # a plain run moves one arm at a time
     from executive.motion.arm_group import ArmGroup
 
-NEAR_ITS_END = 0.4
-"""Distance from the goal within which less than a cell of clearance is enough for the base [m]."""
-ASIDE = (0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6)
-"""Offsets from the middle of the straight line at which to try the corner of a path with one turn [m]."""
-MOST_FLOOR = 10_000.0
-"""Largest area of a map for which base reachability is computed [m^2]."""
-
 CLOSING_STEPS = 24
 """Steps in which to check closing fingers: with Amigo's gripper, which opens 10 cm, about 2 mm each per finger."""
 
@@ -51,8 +41,6 @@ BEYOND = 1.0
 """Distance by which fingers that open, and the hand on its way, may be farther than the arm at a point [m]."""
 OPPOSED = -0.5
 """Cosine of the angle between two touch normals below which they count as opposed."""
-MOST_REMOVED = 8
-"""Bodies near the straight line to remove hypothetically, one at a time."""
 
 
 def opposed(touches: Iterable[Touch], least: float = OPPOSED) -> tuple[Touch, Touch] | None:
@@ -84,23 +72,12 @@ def _closing(gripper: Gripper, fingers: Fingers) -> list[dict[str, float]]:
     ]
 
 
-def _flood(base: BasePose, floor: Floor, slack: float = LACKING) -> Drivable:
-    """Compute the base poses reachable from ``base`` on a floor; ``slack``: clearance that may be missing [m]."""
-    x_min, y_min, x_max, y_max = floor.bounds
-    grid = Grid.over((x_min, y_min), (x_max, y_max))
-    return drivable(base, grid, free_poses(grid, floor.boxes, floor.silhouette, floor.outlines, slack))
-
-
-class SceneCollisions(ScenePart):
+class SceneCollisions(SceneFloor):
     """Collisions of the robot and its held objects in the planning world; results are cached until something moves."""
 
     def __init__(self, mirror: WorldMirror, model: RobotModel, belief: Belief) -> None:
-        super().__init__(mirror, belief)
-        self._robot, self._arms, world = model.robot, model.arms, self._world
-        self._bodies: Kept[tuple[Boxes, Solids]] = Kept()
-        self._floor: Kept[Floor] = Kept()
-        self._drivable: Kept[Drivable] = Kept()
-        self._reached: Kept[Drivable] = Kept()
+        super().__init__(mirror, model, belief)
+        world = self._world
         self._links = frozenset(world.robot.solid_names)
         self._rest = {arm.name: self._links - self._own_links(arm) for arm in model.arms}
         links, root = links_of(world), model.robot.base_link
@@ -113,124 +90,6 @@ class SceneCollisions(ScenePart):
         self._lifts: Kept[dict[tuple[str, float], list[tuple[str, str]]]] = Kept()
         self._groups: dict[tuple[str, ...], ArmShapes] = {}
         self._arm_bodies: dict[tuple[str, Fingers], Kept[ArmBodies]] = {}
-
-    # Room
-
-    def floor(self) -> Floor:
-        """Compute the floor that is free for the base, with the robot's body as it is now, without its arms."""
-        arms = [name for arm in self._robot.arms for name in arm.joints]
-        return self._floor.of((self._state(), self._posture()), lambda: self.whole(arms))
-
-    def floor_without(self, body: str) -> Floor:
-        """Compute the floor that would be free for the base without a body."""
-        return replace(self.floor(), boxes=self.boxes_but((body,))[0])
-
-    def has_way(self, base: BasePose) -> bool:
-        """Check whether the base can drive to a pose: on a path with at most one turn, else by a flood fill."""
-        if self._goes_straight(base):
-            return True
-        surely = self._flooded(self._reached, self.floor(), -SPARE)  # arms ignored, with SPARE clearance left
-        return bool(surely(np.array([base]))[0])
-
-    def _goes_straight(self, base: BasePose) -> bool:
-        """Check whether the base can turn everywhere on two line segments to a pose, for one of a few corners.
-
-        Except near the end, a further cell of clearance is required, so that a flood fill would get there too.
-        """
-        floor, start, end = self.floor(), np.array(self._world.configuration().base[:2]), np.array(base[:2])
-        line = end - start
-        across = np.array([-line[1], line[0]]) / max(float(np.hypot(*line)), CELL)
-        corners = ((start + end) / 2 + np.outer(ASIDE, across))[:, None]
-        count = math.ceil(2 * (float(np.hypot(*line)) / 2 + max(ASIDE)) / CELL) + 1
-        shares = np.linspace(0.0, 1.0, count)[None, :, None]
-        paths = np.concatenate([start + shares * (corners - start), corners + shares * (end - corners)], axis=1)
-        clearance = floor.at(paths.reshape(-1, 2)).reshape(paths.shape[:2])
-        before = np.hypot(*np.moveaxis(paths - end, 2, 0)) > NEAR_ITS_END
-        return bool((clearance >= np.where(before, CELL, 0.0)).all(axis=1).any())
-
-    def drivable(self) -> Drivable:
-        """Compute where the base may be able to drive from its current pose, arms ignored; LACKING clearance may miss.
-
-        Rules nothing out if the base is in collision, or if the map is larger than MOST_FLOOR.
-        """
-        return self._flooded(self._drivable, self.floor(), LACKING)
-
-    def _flooded(self, cache: Kept[Drivable], floor: Floor, slack: float) -> Drivable:
-        """Compute the base poses reachable from the current one, as :func:`_flood`, or look them up."""
-        current = self._world.configuration()
-
-        def compute() -> Drivable:
-            x_min, y_min, x_max, y_max = floor.bounds
-            large = (x_max - x_min) * (y_max - y_min) > MOST_FLOOR
-            if large or self._world.contacts(current, ("base",)):
-                return Drivable(Grid(0.0, 0.0, 1, 1), np.full((1, 1), EVERY), beyond=True)
-            return _flood(current.base, floor, slack)
-
-        return cache.of((floor, current.base), compute)
-
-    def whole(self, without: Sequence[str] = ()) -> Floor:
-        """Compute the floor that is free for the base, with the robot as it is now, but for what some joints move."""
-        shapes = outlines(self._world.outlines(without))
-        return Floor(self.obstacles(), self._world.silhouette(without), shapes, self._world.scene.bounds)
-
-    def closes_way(self, place: Array, within: float, fixed: Collection[str] = ()) -> str | None:
-        """Find the body without which the base could reach most additional floor ``within`` [m] of a position (2,).
-
-        What drives by itself comes first, as it may leave. None if no body makes a difference. Only the bodies nearest
-        to the straight line are tried, none of ``fixed``.
-        """
-        reachable = self.drivable()
-        if reachable.beyond:
-            return None
-        base, cells = self._world.configuration().base, reachable.near(place, within)
-        boxes, names = self.boxes_but(())
-        line = np.linspace(base[:2], place, 20)
-        distances = np.linalg.norm(boxes.centres[:, None, :2] - line, axis=2).min(axis=1)
-        distances -= boxes.half_extents[:, :2].max(axis=1)
-        order = (names[row] for row in np.argsort(distances, kind="stable").tolist())
-        nearest = dict.fromkeys(name for name in order if name not in fixed)
-        gains = {
-            name: _flood(base, self.floor_without(name)).near(place, within) - cells
-            for name in list(nearest)[:MOST_REMOVED]
-        }
-        movers = {one.body for one in self._world.scene.movers}
-        best = max(gains, key=lambda name: (gains[name] > 0 and name in movers, gains[name]), default=None)
-        return best if best is not None and gains[best] > 0 else None
-
-    def obstacles(self) -> Boxes:
-        """List the boxes around the pieces of all bodies that are not held, except the floor."""
-        return self.boxes_but(())[0]
-
-    def boxes_but(self, without: Sequence[str]) -> tuple[Boxes, tuple[str, ...]]:
-        """List the boxes of :meth:`obstacles` except those of some bodies, and the body of each box."""
-        boxes, solids = self._of_bodies()
-        if not set(without) & set(solids.bodies):
-            return boxes, solids.bodies
-        kept = np.flatnonzero([body not in without for body in solids.bodies])
-        return boxes.only(kept), tuple(solids.bodies[index] for index in kept)
-
-    def solids(self) -> Solids:
-        """List the convex pieces of all bodies that are not held."""
-        return self._of_bodies()[1]
-
-    def _of_bodies(self) -> tuple[Boxes, Solids]:
-        """Compute the pieces of all bodies that are not held, and boxes around them."""
-
-        def compute() -> tuple[Boxes, Solids]:
-            pieces = self._world.solids()
-            sizes = np.array([piece.size for piece in pieces]).reshape(-1, 3)
-            return Boxes.around([piece.pose for piece in pieces], sizes), Solids.of(pieces)
-
-        return self._bodies.of(self._state(), compute)
-
-    def _posture(self) -> object:
-        """Cache key of the robot's joint positions."""
-        return tuple(self._world.configuration().joints.items())
-
-    def _state(self) -> object:
-        """Cache key of the poses of all bodies, and of what is in a hand."""
-        state = self._belief.state
-        return state.poses, state.away, state.held
 
     # Exact checks
 

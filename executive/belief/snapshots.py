@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from executive.belief.memory import Knowledge, Memory, Source
+from executive.belief.memory import Knowledge, Meaning, Memory, Source
 from executive.belief.obstacles import NAMES
 from executive.maps.classes import MapObject
 from planlang.geometry import Pose
@@ -59,6 +59,7 @@ def _beliefs(state: WorldState, memory: Memory) -> dict[str, Any]:
         "known": {name: [one.source.value, one.time, one.moves] for name, one in memory.known.items()},
         "moves": memory.moves,
         "bound": [[dump(what), name] for what, name in memory.bound.items()],
+        "meanings": [[dump(what), [list(one) for one in had]] for what, had in memory.meanings.items() if had],
         "in_vain": {name: [list(base) for base in bases] for name, bases in memory.in_vain.items()},
     }
 
@@ -102,6 +103,7 @@ def _load(
             name: tuple((float(x), float(y), float(a)) for x, y, a in bases) for name, bases in left["in_vain"].items()
         },
         bound={load(what): name for what, name in left["bound"]},
+        meanings={load(what): tuple(_meaning(*one) for one in had) for what, had in left["meanings"]},
         met=None if left["met"] is None else str(left["met"]),
         dropped={str(arm): str(name) for arm, name in left["dropped"].items()},
         failing={str(arm): int(times) for arm, times in left["failing"].items()},
@@ -112,6 +114,7 @@ def _load(
         memory = memory.created(MapObject(str(iri), str(name), tuple(map(str, types)), None, (x, y, z)), _pose(pose))
     held = {name: _grip(*grip) for name, grip in left["held"].items()}
     named = {*left["poses"], *held, *left["taken"], *memory.bound.values(), *memory.dropped.values(), *left["felt"]}
+    named |= {one.name for had in memory.meanings.values() for one in had}
     named |= {leaf for leaf in (*left["leaves"], *left["led"]) if leaf not in joints}
     _check_names({*named, *left["gone"]}, memory.first)
     poses = {**memory.first, **{name: _pose(pose) for name, pose in left["poses"].items()}}
@@ -165,6 +168,10 @@ def _held(grip: Grip) -> list[Any]:
 def _grip(hands: Sequence[Any], before: object, riders: Sequence[object]) -> Grip:
     first, *others = (Hold(str(arm), str(link), _pose(offset)) for arm, link, offset in hands)
     return Grip(*first, _pose(before), tuple(others), tuple(map(str, riders)))
+
+
+def _meaning(performance: str, step: str, aim: str, name: str, turn: int, served: bool) -> Meaning:
+    return Meaning(str(performance), str(step), str(aim), str(name), int(turn), bool(served))
 
 
 def _pose(state: object) -> Pose:

@@ -17,14 +17,15 @@ import numpy as np
 from executive.locations.holding import Holding, holdings, trial_things
 from executive.locations.reachability import CELL, GraspClass, ReachabilityMap
 from executive.motion import Boxes, Grid
-from executive.motion.clearance import Outline, drivable, free_poses, outlines
+from executive.motion.floods import drivable, free_poses
+from executive.motion.outlines import Outline, outlines
 from executive.robots import Arm, Robot
 from executive.robots.arms import ArmModel, arm_models, called
 from executive.robots.mechanism import BASE, Mechanism, is_still
 from executive.robots.openings import REMEDY
 from planlang.geometry import Pose
 from planlang.geometry.matrices import inverse, moved
-from planlang.geometry.shapes import SolidKind, outline_of
+from planlang.geometry.shapes import SolidKind
 from planlang.geometry.urdf import Joint
 from planlang.progress import Report, unreported
 from planlang.protocols import Configuration
@@ -261,11 +262,7 @@ def _doorways(robot: Robot, world: PlanningWorld) -> Doorways:
     offset = world.link_pose(arm.hand_link).inverse() @ Pose(world.link_pose(arm.tip).position)
     with_mug = world.world_state(robot.name).gripped(_MUG.name, Hold(arm.name, arm.hand_link, offset))
     world = WorldMirror(world, robot.name).at(with_mug)
-    x, y, z = world.pose(_MUG.name).position
-    turns = np.arange(8) * (np.pi / 4)
-    around = np.array([x, y]) + _MUG.size[0] / 2 * np.column_stack([np.cos(turns), np.sin(turns)])
-    shapes = outlines((*world.outlines(), (z - _MUG.size[2] / 2, z + _MUG.size[2] / 2, outline_of(around))))
-    return Doorways(empty, _narrowest(world, shapes), arm.name)
+    return Doorways(empty, _narrowest(world, outlines(world.outlines())), arm.name)
 
 
 def _narrowest(world: PlanningWorld, shapes: tuple[Outline, ...]) -> float | None:

@@ -15,8 +15,11 @@ from executive.belief.planning_scene import PlanningScene
 from executive.locations.reachability import CELL
 from executive.locations.rejections import Rejections
 from executive.motion import clearance_at
+from planlang.designators import Action, action
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Block
+from planlang.state import WorldState
+from sim.joints import Articulation, JointKind
 
 MOST_TRIED = 4
 """Number of bodies whose removal is tested."""
@@ -35,6 +38,14 @@ TOWARDS = 0.7
 GRAZING = 5e-3
 """Height by which a displaced thing may overlap others [m]: it stands on one of them."""
 
+AROUND = 1.5
+"""Distance from the thing within which open doors and drawers are closed, or opened further, for trial [m]."""
+MOST_LEAVES = 2
+"""Number of these."""
+FURTHER = 0.9
+"""Share of its range below which a leaf may be opened further."""
+OPEN, CLOSE = "OpeningAContainerArtifact", "ClosingAContainerArtifact"
+
 IsFeasible = Callable[[PlanningScene], bool]
 """Check whether a scene, which is supposed, has a base pose."""
 
@@ -48,6 +59,12 @@ def with_supports(names: Iterable[str], bodies: BelievedBodies) -> set[str]:
         support = bodies.support(name)
         left += [support] if support is not None and support not in found else []
     return found
+
+
+def _measure(joint: Articulation, value: float) -> str:
+    """State a value of a joint for people."""
+    slides = joint.kind is JointKind.PRISMATIC
+    return f"{100 * value:.0f} cm" if slides else f"{math.degrees(value):.0f} degrees"
 
 
 class Changes:
@@ -67,11 +84,42 @@ class Changes:
         self.body, self.scene, self.log, self._is_feasible, self._needed = body, scene, log, is_feasible, needed
         self._is_movable = scene.bodies.is_movable(body) or not {*parts} <= {body}
         self._along = {*parts, *(scene.world.standing_on(body) if self._is_movable else ())} - {body}
-        self._left = MOST_SEARCHES
+        self._left, self._in_vain = MOST_SEARCHES, list[str]()
 
     def helping(self) -> str:
         """Describe a change that helps: another robot away, the thing at an edge, without a body, or let down."""
         return self._once_left() or self.nearer() or self._without() or self._let_down()
+
+    def by_the_robot(self) -> tuple[Action | None, str]:
+        """Find an action of the robot that helps, and describe it: to close what is open near the thing, or to open it
+        further; None and "" if neither does.
+        """
+        for joint, value in self._leaves_near():
+            name, now = joint.leaf, self.scene.belief.joint(joint.leaf)
+            state = self.scene.belief.with_leaf(name, value)
+            hidden = self.scene.supposing(state).bodies.closed_before(self.body)
+            if hidden is None and self._tries(state):
+                what, is_shut = self.scene.bodies.designator(name), joint.is_shut(value)
+                if is_shut:
+                    return action(CLOSE, object_acted_on=what), f"with {name} closed, {self.body} could be reached"
+                opening = action(OPEN, object_acted_on=what, all_the_way=True)
+                wide = f"{_measure(joint, value)} instead of {_measure(joint, now)}"
+                return opening, f"with {name} open by {wide}, {self.body} could be reached"
+        return None, ""
+
+    def _leaves_near(self) -> Iterator[tuple[Articulation, float]]:
+        """Yield open doors and drawers near the thing, most in the way first, with values to which to move them."""
+        scene, blocking = self.scene, self.log.ordered_blocking()
+        point = np.array(scene.bodies.pose(self.body).position)
+        near = (
+            joint
+            for leaf, joint in scene.belief.joints.items()
+            if scene.belief.is_left_open(leaf) and scene.bodies.block(leaf).away(point) < AROUND
+        )
+        for joint in sorted(near, key=lambda one: (-blocking.get(one.leaf, 0), one.leaf))[:MOST_LEAVES]:
+            if scene.belief.joint(joint.leaf) < FURTHER * joint.upper:
+                yield joint, joint.upper
+            yield joint, 0.0
 
     def _once_left(self) -> str:
         """Name what drives by itself, if that is in the way where it is now."""
@@ -92,7 +140,9 @@ class Changes:
         ways = ((side, steps) for side, steps in self._ways_to_edges(support) if steps)
         chosen = ((side, steps) for side, steps in ways if towards is None or float(towards @ side) >= TOWARDS)
         for side, steps in islice(chosen, MOST_EDGES):
-            if not self._helps_at(self._moved(side, steps[-1])):
+            farthest = self._moved(side, steps[-1])
+            if not self._helps_at(farthest):
+                self._in_vain.append("{} at x = {:.2f}, y = {:.2f}".format(self.body, *farthest.position))
                 continue
             # the last step helps: bisect for the first that does
             first = bisect_left(steps, True, key=lambda step: self._helps_at(self._moved(side, step)))
@@ -100,6 +150,11 @@ class Changes:
             x, y, _ = self._moved(side, step).position
             return f"moved {step:.2f} m, to x = {x:.2f}, y = {y:.2f}, {self.body} could be reached"
         return ""
+
+    def none_found(self) -> str:
+        """Say that no change was found that helps, and to where the thing was moved for trial."""
+        tried = f"; tried: {', '.join(self._in_vain)}" if self._in_vain else ""
+        return f"no simple change was found that would help{tried}"
 
     def _ways_to_edges(self, support: str) -> Iterator[tuple[Array, list[float]]]:
         """Yield directions (2,) to edges at which the base can stand, the nearest first, with free steps [m]."""
@@ -135,9 +190,13 @@ class Changes:
         fixed |= {name for joint in joints if self.body in joint.bodies for name in joint.bodies}
         fixed |= {*(joint.holder for joint in joints if joint.holder is not None), *self.scene.belief.state.carried()}
         blocking = [name for name in self.log.ordered_blocking() if name not in fixed and name in bodies.names()]
-        for name in blocking[:MOST_TRIED]:
+        return self.without_one_of(blocking, fixed)
+
+    def without_one_of(self, names: Iterable[str], fixed: Collection[str] = ()) -> str:
+        """Name the first of some bodies whose removal helps, with what stands on it; ``fixed`` bodies stay."""
+        for name in islice(names, MOST_TRIED):
             leaf, riders = self.scene.belief.joints.get(name), self.scene.world.standing_on(name)
-            gone = {name, *riders, *(leaf.bodies if leaf is not None else ())} - fixed
+            gone = {name, *riders, *(leaf.bodies if leaf is not None else ())}.difference(fixed)
             if self._helps(dict.fromkeys(sorted(gone))):
                 open_leaf = f"{name} is in the way as it is open: " if leaf is not None else ""
                 return f"{open_leaf}without {name}{' and what stands on it' if riders else ''} this would work"
@@ -167,7 +226,11 @@ class Changes:
 
     def _helps(self, poses: Mapping[str, Pose | None]) -> bool:
         """Check whether a change helps; without searches left it counts as no help."""
+        return self._tries(self.scene.belief.state.placed(poses))
+
+    def _tries(self, state: WorldState) -> bool:
+        """Check whether it helps if the world is in a state; without searches left it counts as no help."""
         if not self._left:
             return False
         self._left -= 1
-        return self._is_feasible(self.scene.supposing(self.scene.belief.state.placed(poses)))
+        return self._is_feasible(self.scene.supposing(state))

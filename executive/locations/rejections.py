@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
+from planlang.designators import Action
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
 from planlang.geometry.areas import Clear, Facing, Region
@@ -69,6 +70,8 @@ class Rejections:
     _shown: Counter[str] = field(default_factory=Counter)
     figures: dict[str, str] = field(default_factory=dict)
     """Reason -> a sentence with measurements and a change that would help."""
+    first: Action | None = None
+    """Action of the robot after which the search finds a place, if one was found."""
 
     @property
     def keeps(self) -> bool:
@@ -166,6 +169,7 @@ class Rejections:
             blocking=self.ordered_blocking(),
             figures=next(figures, ""),
             after=after,
+            first=self.first,
         )
 
 

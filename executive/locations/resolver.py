@@ -47,15 +47,17 @@ from executive.locations.questions import (
     Findings,
     Question,
 )
-from executive.locations.rejections import NOT_VISIBLE, Rejections, unmet
+from executive.locations.rejections import NO_WAY, NOT_VISIBLE, Rejections, unmet
 from executive.locations.search import search_bases
+from executive.locations.shut_ways import shut_on_the_way
 from executive.locations.validation import BaseValidator
 from executive.robots.arms import ArmModel
 from planlang.designators import Device, Location, Object
-from planlang.failures import DesignatorFailure, LocationUnresolvable, MissingCapability, PlanFailure
+from planlang.failures import BehindClosedDoor, DesignatorFailure, LocationUnresolvable, MissingCapability, PlanFailure
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Clear, Facing, Region
 from planlang.kept import Latest
+from planlang.language.performances import by_class
 from planlang.language.performing import actions_around
 from planlang.progress import Report, unreported
 from planlang.protocols import Solution
@@ -82,7 +84,7 @@ class Resolver:
         self._answers: Kept[Latest[Hashable, Replayable[Solution]]] = Kept(1)
         self._supposed: Kept[Resolver] = Kept(MOST_SUPPOSED)
         self._viewers: Latest[Location, tuple[float, float]] = Latest(MOST_VIEWERS)
-        self._here: Kept[dict[tuple[Location, tuple[float, float]], bool]] = Kept(1)
+        self._here: Kept[dict[Hashable, bool]] = Kept(1)
         self.watchers: list[Callable[[Location, Rejections], object]] = []
         """Called with the log of each search for base poses when it begins; the log then keeps the places examined."""
 
@@ -96,7 +98,8 @@ class Resolver:
             other._viewers, other._here, other.watchers = Latest(MOST_VIEWERS, viewers), Kept(1), []
             return other
 
-        return self._supposed.of((scene.content(), scene.belief.memory.bound, viewers), make)
+        memory = scene.belief.memory
+        return self._supposed.of((scene.content(), memory.bound, memory.meanings, viewers), make)
 
     def when(self, state: WorldState) -> Resolver:
         """Return the resolver that answers what locations would resolve to in another state."""
@@ -113,7 +116,8 @@ class Resolver:
         self._look(location)
         if log is not None:
             return self._reported(location, self._bases(location, Question(log)))
-        question = location, tuple(actions_around())  # enclosing actions restrict the grips
+        # enclosing actions restrict the grips, and say what designators by class mean
+        question = location, tuple(actions_around()), self._meant(location)
         answers = self._answers.of(self.scene.content(), lambda: Latest(MOST_QUESTIONS))
 
         def search() -> Iterator[Solution]:
@@ -123,8 +127,9 @@ class Resolver:
 
     def _reported(self, location: Location, found: Iterator[Solution]) -> Iterator[Solution]:
         """Report a search for base poses while it works on the next one."""
+        things = ", ".join(dict.fromkeys(map(str, location.things()))) or str(location)
         while True:
-            self._report(f"searching for a place to stand for {location}", math.nan)
+            self._report(f"searching for a place to stand for {things}", math.nan)
             try:
                 solution = next(found, None)
             finally:
@@ -164,6 +169,7 @@ class Resolver:
         yield from self._found(demand, question, found)
         if not found:
             validator.check_doors(validator.wanted(demand), location, question.log)
+            self._check_way(location, demand, question.log)
         findings = Findings(Allowance(EASY_CHECKS, EASY_SOLVED), walled=question.known.walled)
         if not found and (excluding := self._excluding(demand, findings, question.log)) is not None:
             # what is said of the thing to reach would lead astray: it can be reached
@@ -174,6 +180,13 @@ class Resolver:
         meant = bodies_meant(location, actions_around(), scene)
         explain_bases(validator.wanted(demand), validator.arms(demand), scene, self.maps, question, is_feasible, meant)
         raise question.log.failure(location, after=len(found))
+
+    def _check_way(self, location: Location, demand: BaseDemand, log: Rejections) -> None:
+        """Raise BehindClosedDoor if the base cannot drive there because a door between rooms is shut."""
+        door = shut_on_the_way(self.scene, partial(self.is_possible, location)) if log.counts[NO_WAY] else None
+        if door is not None:
+            names = (*(reach.body for reach in demand.reaches), *(one.name for one in location.things()), str(location))
+            raise BehindClosedDoor(designator=str(location), what=names[0], door=self.scene.bodies.designator(door))
 
     def _question(self, location: Location) -> Question:
         """Start a new question about a location."""
@@ -356,7 +369,7 @@ class Resolver:
         """Check whether the base, the hand of a device, or an object is at a location, validated as in a search."""
         scene = self.scene
         if what is None:
-            key, known = (location, self._viewer(location)), self._here.of(scene.content(), dict)
+            key, known = (location, self._viewer(location), self._meant(location)), self._here.of(scene.content(), dict)
             if key not in known:
                 known[key] = self.satisfies(location, scene.base()) is not None
             return known[key]
@@ -366,6 +379,10 @@ class Resolver:
         name = scene.bodies.bind(what)
         demand = thing_demand(location, name, scene, viewer)
         return Placement(name, demand, scene).holds(scene.bodies.pose(name))
+
+    def _meant(self, location: Location) -> tuple[str | None, ...]:
+        """List the bodies that designators by class in a location mean, which differ between performances of a step."""
+        return tuple(self.scene.bodies.known(what) for what in by_class(location.things()))
 
     def _look(self, location: Location) -> None:
         """Fix the viewpoint of a location's left and right at the present base pose."""

@@ -1,7 +1,8 @@
 """Joints of the doors, drawers, lids and knobs of a map: bodies, axes and limits.
 
 Limits and axes that the map states take precedence. Otherwise they are derived from the box: a door hinges at the edge
-opposite its handle, or, without a handle, at the edge closer to the side of its furniture; drawers slide out.
+opposite its handle, or, without a handle, at the edge closer to the side of its furniture; drawers slide out. Doors
+between rooms hang in a doorway, a wall or a room.
 """
 
 from __future__ import annotations
@@ -13,7 +14,17 @@ from dataclasses import replace
 import numpy as np
 
 from executive.maps.classes import MapObject
+from executive.maps.doorways import is_wall
 from executive.maps.measures import length, stated
+from executive.maps.room_doors import (
+    ROOM_DOORS,
+    Frame,
+    frame_of,
+    lacking,
+    side_of,
+    unknown_hinge,
+    without_frame,
+)
 from executive.maps.semantic_map import SemanticMap
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, note, warning
@@ -46,6 +57,8 @@ LEVEL = 0.7
 """A unit vector with a greater vertical component points up or down (about 45 degrees)."""
 AT_FACE = 0.03
 """A door within this distance of a face of its furniture closes that face [m]."""
+AT_JAMB = 0.02
+"""Distance from the wall at which the handle of a sliding door stops [m]."""
 AT_EDGE = 0.05
 """A hinge within this distance of an edge of the door belongs to that edge [m]."""
 
@@ -76,6 +89,8 @@ class _Leaf:
     outwards: Array
     up: Array
     across: Array
+    slide: Array | None = None
+    """Direction in which it slides to open, if that is not outwards."""
 
     def half(self, direction: Array) -> float:
         """Half extent of the leaf along a unit vector of the map frame [m]."""
@@ -110,12 +125,45 @@ class _Reader:
 
     def _door(self, thing: MapObject, body: Body) -> Articulation | None:
         holder = self._holder(thing)
-        if holder is None or self.map.is_a(self.things[holder.iri], "Drawer"):
-            return None  # doors between rooms have no furniture, and a drawer's front slides with the drawer
+        if holder is None:
+            return self._room_door(thing, body) if self.map.is_a(thing, *ROOM_DOORS) else None
+        if self.map.is_a(self.things[holder.iri], "Drawer"):
+            return None  # a drawer's front slides with the drawer
         leaf = self._leaf(thing, body, holder)
         if not any(self._is_placed(iri) for iri in self._hinges(thing)):
             leaf = self._at_face(leaf)
         return self._stated(leaf) or self._hinged(leaf)
+
+    def _room_door(self, thing: MapObject, body: Body) -> Articulation | None:
+        frame, parts = self._frame(thing, body), self._parts(thing)
+        handles = [self.bodies[part.iri] for part in parts if self.map.is_a(part, *GRIPS[:1])]
+        handles = [handle for handle in handles if handle.shape is not BodyShape.MARKER]
+        joints = self._hinges(thing)
+        if frame is None:
+            self.notes += [without_frame(thing)] if handles or joints else []
+            return None
+        self.notes += lacking(thing, body, frame, handles)
+        outwards = frame.opens_into(body)
+        handles.sort(key=lambda handle: -side_of(body, handle, outwards))
+        leaf = _Leaf(thing, body, frame.body, parts, next(iter(handles), None), outwards, *_edges(body, outwards))
+        aside = 0.0 if leaf.handle is None else float(_arrow(body, leaf.handle) @ leaf.across)
+        if any(self._is_joint(iri, "PrismaticJoint") for iri in joints):
+            leaf.slide = -math.copysign(1.0, aside) * leaf.across
+            joint = self._stated(leaf, JointKind.PRISMATIC) or self._sliding(leaf, leaf.slide, handles)
+        else:
+            if abs(aside) <= 1e-3 and not any(iri in self.things and self.things[iri].pose for iri in joints):
+                self.notes.append(unknown_hinge(body, thing))
+            joint = self._stated(leaf, JointKind.HINGED) or self._hinged(leaf)
+        others = tuple(handle.name for handle in handles[1:])
+        return replace(joint, holder=None, frame=frame.names, other_handles=others)
+
+    def _sliding(self, leaf: _Leaf, slide: Array, handles: Sequence[Body]) -> Articulation:
+        """Derive how far a door slides: by its width, with handles on both sides until one is at the wall."""
+        travel = 2 * leaf.half(leaf.across)
+        if len(handles) > 1:
+            behind = (float(-_arrow(leaf.body, one) @ slide) - _half(one, slide) for one in handles)
+            travel = min(travel, leaf.half(slide) + min(behind) - AT_JAMB)
+        return self._joint(leaf, JointKind.PRISMATIC, leaf.body.pose.position, slide, 0.0, travel)
 
     def _drawer(self, thing: MapObject, body: Body) -> Articulation:
         parts = self._parts(thing)
@@ -144,7 +192,7 @@ class _Reader:
         to_handle = None if leaf.handle is None else np.array(leaf.handle.pose.position) - leaf.body.pose.position
         if abs(leaf.outwards[2]) > LEVEL:
             to_hinge = self._back_of_lid(leaf, to_handle)
-        elif self._turns_level(leaf):
+        elif self._holder(leaf.thing) is not None and self._turns_level(leaf):
             is_upper = to_handle is None or float(to_handle @ leaf.up) > 0
             to_hinge = -leaf.up if is_upper or self.map.is_a(self.things[leaf.holder.iri], *BELOW) else leaf.up
         else:
@@ -229,7 +277,8 @@ class _Reader:
         """Build a joint about the stated axis, a unit vector (3,) in the frame of the joint, else that of the box."""
         derived = self._hinged(leaf) if kind is JointKind.HINGED else None
         point = leaf.body.pose.position if derived is None else derived.point
-        axis = leaf.outwards if derived is None else np.array(derived.axis)
+        slide = leaf.outwards if leaf.slide is None else leaf.slide
+        axis = slide if derived is None else np.array(derived.axis)
         pose = self.things[iri].pose if iri in self.things else None
         if direction is not None:
             axis = direction if pose is None else rotated(pose.rotation, direction)
@@ -268,17 +317,25 @@ class _Reader:
 
     def _holder(self, thing: MapObject) -> Body | None:
         """Find the furniture of a leaf: its whole, or what it is hinged to, directly or by a joint."""
+        for iri in self._holders(thing):
+            body = self.bodies.get(iri)
+            if body is not None and body.shape is BodyShape.BOX and not is_wall(body, self.map):
+                return body
+        return None
+
+    def _frame(self, thing: MapObject, body: Body) -> Frame | None:
+        """Find what a door between rooms hangs in."""
+        return frame_of(body, self._holders(thing), self.bodies, self.map)
+
+    def _holders(self, thing: MapObject) -> list[str]:
+        """List the IRIs of what a leaf is a part of, or hinged to, directly or by a joint."""
         whole = self.wholes.get(thing.iri)
         iris = [*((whole.iri,) if whole is not None else ()), *thing.hinged_to]
         for joint in self._hinges(thing):
             connected = self.map.ontology.values(joint, expand("connectedTo-Rigidly"))
             iris += [one for one in connected if isinstance(one, str) and one != thing.iri]
             iris += [one.iri for one in self.map.objects if joint in one.parts and one.iri != thing.iri]
-        for iri in iris:
-            body = self.bodies.get(iri)
-            if body is not None and body.shape is BodyShape.BOX and iri != thing.iri:
-                return body
-        return None
+        return [iri for iri in iris if iri != thing.iri]
 
     def _parts(self, thing: MapObject) -> list[MapObject]:
         """List the parts of an object, level by level down to :data:`DEEPEST`, sorted by IRI within a level.

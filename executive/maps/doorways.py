@@ -1,11 +1,11 @@
-"""Doorways between the rooms of a map: those that it places, and those implied by a topological map.
+"""Doorways between the rooms of a map: those that it places, and those implied by doors or by a topological map.
 
 Rooms are connected if ``connectedTo`` or ``betweenContainers`` links them, directly or through a doorway.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -20,6 +20,7 @@ from planlang.geometry.shapes import half_extents
 from planlang.ontology import Ontology, expand
 from sim import Body
 from sim.bodies import WALL
+from sim.joints import Articulation
 from sim.scene import BodyShape, Cavity
 
 WIDTH, HEIGHT = 1.0, 2.0
@@ -28,24 +29,57 @@ POST = 0.1
 """Wall left standing on each side of a default doorway [m]."""
 THICKEST = 0.6
 """Greatest thickness of the wall between two rooms [m]."""
+WALLS = ("WallOfAConstruction",)
+"""Classes of walls that stand alone, as boxes."""
+SEAM = 0.02
+"""How much wider and higher than a leaf an opening is that is made for it [m]."""
+DEEP = 0.15
+"""Distance from a leaf up to which its opening cuts walls [m]."""
 PARALLEL = 0.999
 """Least cosine of the angle between adjoining walls of two rooms."""
 
 
-def with_doorways(bodies: Sequence[Body], semantic_map: SemanticMap, notes: list[Diagnostic]) -> list[Body]:
-    """Cut openings into the walls between connected rooms; assumed doorways are appended to ``notes``."""
+def with_doorways(
+    bodies: Sequence[Body], semantic_map: SemanticMap, notes: list[Diagnostic], joints: Iterable[Articulation] = ()
+) -> list[Body]:
+    """Cut openings into the walls between connected rooms; assumed doorways are appended to ``notes``.
+
+    ``joints`` are those of doors between rooms: one without a doorway has an opening of its size.
+    """
     rooms = {body.iri: body for body in bodies if body.shape is BodyShape.ROOM}
+    walls = {body.iri: body for body in bodies if is_wall(body, semantic_map)}
     placed = [thing for thing in semantic_map.objects if thing.pose and thing.size and is_doorway(thing, semantic_map)]
+    openings: list[tuple[Pose, Sequence[float] | Array]] = [*map(_box, placed)]
+    openings += _around_doors(bodies, joints, {thing.name for thing in placed})
     linked: set[frozenset[str]] = set()
-    for doorway in placed:
-        through = {iri: cut for iri, room in rooms.items() if (cut := _cut(room, *_box(doorway))) is not None}
+    for pose, size in openings:
+        walls = {iri: _opened(wall, through_wall(wall, pose, size)) for iri, wall in walls.items()}
+        through = {iri: cut for iri, room in rooms.items() if (cut := cut_of(room, pose, size)) is not None}
         if len(through) > 1:
             rooms = {iri: _opened(room, through.get(iri)) for iri, room in rooms.items()}
             linked |= set(map(frozenset, combinations(through, 2)))
     for pair in _connected(semantic_map.ontology, list(rooms)):
         if frozenset(pair) not in linked:
             rooms |= _with_doorway(rooms[pair[0]], rooms[pair[1]], semantic_map, notes)
-    return [rooms.get(body.iri, body) for body in bodies]
+    return [(rooms | walls).get(body.iri, body) for body in bodies]
+
+
+def _around_doors(
+    bodies: Sequence[Body], joints: Iterable[Articulation], doorways: Container[str]
+) -> Iterator[tuple[Pose, Array]]:
+    """Yield the openings, poses and sizes (3,), of doors between rooms that hang in no doorway, shut as they are."""
+    by_name = {body.name: body for body in bodies}
+    for joint in joints:
+        if joint.frame and joint.frame[0] not in doorways:
+            leaf = by_name[joint.leaf]
+            thickness = np.arange(3) == int(np.argmin(leaf.size))
+            yield leaf.pose, leaf.size + np.where(thickness, 2 * DEEP, SEAM)
+
+
+def is_wall(body: Body, semantic_map: SemanticMap) -> bool:
+    """Check whether a body is a wall of its own, beside those of rooms."""
+    thing = semantic_map.find(body.iri)
+    return thing is not None and body.shape is BodyShape.BOX and semantic_map.is_a(thing, *WALLS)
 
 
 def is_doorway(thing: MapObject, semantic_map: SemanticMap) -> bool:
@@ -78,7 +112,19 @@ def _opened(room: Body, cut: Cavity | None) -> Body:
     return room if cut is None else replace(room, cavities=(*room.cavities, cut))
 
 
-def _cut(room: Body, pose: Pose, size: Sequence[float]) -> Cavity | None:
+def through_wall(wall: Body, pose: Pose, size: Sequence[float] | Array) -> Cavity | None:
+    """Find the opening that a box cuts through a wall of its own; None if it does not reach into it."""
+    local = wall.pose.inverse() @ pose
+    centre, half, outer = np.array(local.position), half_extents(local, size), np.array(wall.size) / 2
+    if (np.abs(centre) >= half + outer).any():
+        return None
+    normal = int(np.argmin(wall.size[:2]))
+    centre[normal], half[normal] = 0.0, outer[normal] + WALL
+    (x, y, z), (depth, width, height) = centre.tolist(), (2 * half).tolist()
+    return Cavity((x, y, z), (depth, width, height))
+
+
+def cut_of(room: Body, pose: Pose, size: Sequence[float] | Array) -> Cavity | None:
     """Find the opening that a box cuts into a wall of a room; None if it touches none."""
     local = room.pose.inverse() @ pose
     centre, half, inner = np.array(local.position), half_extents(local, size), np.array(room.size) / 2
@@ -107,7 +153,7 @@ def _with_doorway(one: Body, other: Body, semantic_map: SemanticMap, notes: list
         f"{names} are connected, but no doorway is placed: one of {WIDTH} m in the middle of their wall is assumed"
     )
     notes.append(note("M029", message, span, "place a Doorway between them, with a size"))
-    return {room.iri: _opened(room, _cut(room, place, (WIDTH, WIDTH, HEIGHT))) for room in (one, other)}
+    return {room.iri: _opened(room, cut_of(room, place, (WIDTH, WIDTH, HEIGHT))) for room in (one, other)}
 
 
 def _adjoining(one: Body, other: Body) -> Iterator[tuple[Array, float]]:

@@ -43,7 +43,7 @@ def hollowed(
     """
     by_name = {body.name: body for body in bodies}
     joints = tuple(joints)
-    slides = {joint.leaf for joint in joints if joint.kind is JointKind.PRISMATIC}
+    slides = {joint.leaf for joint in joints if joint.kind is JointKind.PRISMATIC and not joint.frame}
     slide_cavities: dict[str, list[Cavity]] = {}
     for joint in joints:
         if joint.leaf in slides and joint.holder is not None:

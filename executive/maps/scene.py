@@ -168,8 +168,8 @@ def _built(semantic_map: SemanticMap, notes: list[Diagnostic]) -> Scene:
     bodies, joints = articulated(bodies, semantic_map, notes)
     bodies = _opened(bodies, joints, semantic_map, notes)
     bodies = with_contents(bodies, semantic_map, notes)
-    if sum(body.shape is BodyShape.ROOM for body in bodies) > 1:
-        bodies = with_doorways(bodies, semantic_map, notes)
+    if sum(body.shape is BodyShape.ROOM for body in bodies) > 1 or any(joint.frame for joint in joints):
+        bodies = with_doorways(bodies, semantic_map, notes, joints)
     if semantic_map.has_files:
         from executive.maps.occupied_space import with_obstacles  # imported late: few maps refer to files
 

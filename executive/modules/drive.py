@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
+from executive.belief.scene_floor import SLACKS
 from executive.modules.commanding import Control
 from executive.motion import Grid, MotionError, NoPath, clearance_at, clearance_field, plan_base_path, time_path
 from executive.motion.base_path import plan_tight_path
-from executive.motion.clearance import SPARE, free_poses
+from executive.motion.floods import SPARE
 from planlang.geometry import Array
 from planlang.protocols import Trajectory
 
@@ -66,15 +67,21 @@ class Drive:
         silhouette = scene.world.silhouette()
         room = clearance_field(grid, scene.collisions.obstacles(), silhouette)
 
+        def touching(x: float, y: float, yaw: float) -> Sequence[tuple[str, str]]:
+            cell = grid.cell(x, y)
+            is_roomy = (x, y, yaw) not in (start, goal) and cell is not None and room[cell] > ROOMY + grid.resolution
+            return () if is_roomy else self._touching(x, y, yaw)
+
         def roomy(room: Array, checks: float) -> Array:
-            return plan_base_path(start, goal, grid, room, self._touching, resolution=checks)
+            return plan_base_path(start, goal, grid, room, touching, resolution=checks)
 
-        def tight(spare: float, checks: float) -> Array:
-            floor = scene.collisions.whole()
-            free = free_poses(grid, floor.boxes, floor.silhouette, floor.outlines, -spare)
-            return plan_tight_path(start, goal, grid, free, self._touching, checks)
+        def tight(slack: float, checks: float) -> Array:
+            if not scene.collisions.may_reach(goal):
+                raise NoPath(start, goal, {"exact checks": 0, "attempts": 0})
+            free = scene.collisions.free(scene.collisions.whole(), grid)[SLACKS.index(slack)]
+            return plan_tight_path(start, goal, grid, free, touching, checks)
 
-        plans: list[Callable[[float], Array]] = [partial(roomy, room), partial(tight, SPARE), partial(tight, 0.0)]
+        plans: list[Callable[[float], Array]] = [partial(roomy, room), partial(tight, -SPARE), partial(tight, 0.0)]
         if scene.space is not None:
             seen = scene.space.room(grid, max(high for _, high, _ in silhouette), radius)
             plans.insert(0, partial(roomy, np.where(seen, room, np.minimum(room, -radius))))

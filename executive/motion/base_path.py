@@ -12,12 +12,14 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import field
 from heapq import heappop, heappush
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 
-from executive.motion.clearance import EVERY, HEADINGS, TURN, Cell, Grid, Poses, around, flood, has
+from executive.motion.clearance import Grid
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
+from executive.motion.floods import EVERY, Cell, Poses, around, flood, has
+from executive.motion.outlines import HEADINGS, TURN
 from planlang.geometry import Array
 from planlang.records import dataclass
 
@@ -313,6 +315,8 @@ STEPS = (
 """Steps between poses, straight ones first, so that a path turns as little as possible."""
 
 
+CONNECTED = 8
+"""Poses of the grid from which a tight path may begin, and at which it may end: the nearest that can be reached."""
 TIGHT_REPLANS = 40
 """How often a tight path is planned again around steps that touch something."""
 
@@ -341,7 +345,8 @@ def plan_tight_path(
         return [pose for pose in poses if known[pose]]
 
     def connected(pose: Planar) -> list[Cell]:
-        return [cell for cell in around(pose, grid) if has(free, cell) and not hits(_path(pose, pose, grid, [cell]))]
+        cells = (cell for cell in around(pose, grid) if has(free, cell))
+        return list(islice((cell for cell in cells if not hits(_path(pose, pose, grid, [cell]))), CONNECTED))
 
     begin, end, attempts = connected(start), connected(goal), 0
     while attempts <= TIGHT_REPLANS:
@@ -370,7 +375,7 @@ def _close(free: Poses, turns: Poses, a: Cell, b: Cell) -> None:
 
 def _shortest(free: Poses, turns: Poses, begin: list[Cell], end: list[Cell]) -> list[Cell] | None:
     """Find a path with the fewest steps from one of some poses to one of others."""
-    steps = flood(free, begin, turns)
+    steps = list(flood(free, begin, turns))
     last = next((cell for cell in end if has(steps[-1], cell)), None)
     if last is None:
         return None

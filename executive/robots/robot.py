@@ -331,8 +331,9 @@ class Robot:
     def arms_of(self, device: Object | None) -> tuple[Arm, ...]:
         """List the arms that a device designator can refer to, in the robot's order; all of them without a designator.
 
-        A hand or gripper of this robot refers to its arm. Any other device is matched by side (left or right in its
-        name or class; without one, any side) and, if it is a gripper or hand, only to arms that have a gripper.
+        A hand or gripper of this robot refers to its arm, and so does the name of an arm. Any other device is matched
+        by side (left or right in its name or class; without one, any side) and, if it is a gripper or hand, only to
+        arms that have a gripper.
         """
         if device is None:
             return self.arms
@@ -340,6 +341,9 @@ class Robot:
         exact = tuple(a for a in self.arms if device.iri in {a.hand.iri, a.gripper and a.gripper.iri} - {None})
         if exact:
             return exact
+        called = "" if device.iri is None else _plain(local_name(device.iri))
+        if named := tuple(a for a in self.arms if called and called in (_plain(a.name), f"{_plain(a.name)}arm")):
+            return named
         side = side_of(*(local_name(text) for text in words if text))
         graspers = any(re.search(r"gripper|hand|finger", text, re.IGNORECASE) for text in words if text)
         return tuple(a for a in self.arms if (side is None or a.side == side) and (a.gripper or not graspers))
@@ -366,6 +370,11 @@ class Robot:
 def trusting_map(robot: Robot) -> Robot:
     """Give a robot the capability to recognise objects: it looks them up in the map, which the user vouches for."""
     return replace(robot, parts=(*robot.parts, *_RECOGNITION), claims={**dict.fromkeys(_RECOGNISING), **robot.claims})
+
+
+def _plain(name: str) -> str:
+    """Name without separators and capital letters."""
+    return "".join(filter(str.isalnum, name.casefold()))
 
 
 def side_of(*names: str) -> str | None:

@@ -20,6 +20,7 @@ from executive.belief import Belief
 from executive.belief.facts import decide
 from executive.belief.obstacles import with_store
 from executive.belief.planning_scene import PlanningScene
+from executive.belief.purposes import Purposes
 from executive.belief.scene_collisions import BasePose
 from executive.belief.snapshots import changed_since, with_changes
 from executive.locations import ReachKind, Resolver
@@ -192,6 +193,13 @@ class RobotExecutive:
             RobotModule(create(platform), platform, self._effects, self.finding) for create in modules
         )
         self._start = self._believed()
+        belief = platform.belief
+        belief.purposes = Purposes(ontology, platform.ancestors, self._decide, self._individuals)
+
+    def _individuals(self, what: Object) -> Sequence[Object]:
+        """List designators of all things of a class."""
+        belief = self.platform.belief
+        return tuple(map(belief.designator, belief.of_class(what)))
 
     def may_create(self, what: Object, actions: Iterable[str]) -> bool:
         """Check whether actions of some classes, or heat, may create what a designator means."""
@@ -282,6 +290,10 @@ class RobotExecutive:
         enough for a goal to hold.
         """
         self._effects.catch_up()
+        return self._decide(condition)
+
+    def _decide(self, condition: Condition) -> bool:
+        """Decide a condition by the belief as it is."""
         match condition:
             case Condition("holding", (Object() as what,)):
                 bodies = self.platform.scene.bodies  # a thing that was not found yet is in no hand

@@ -13,7 +13,17 @@ from typing import TYPE_CHECKING
 
 from planlang.compiler.bodies import BodyWriter
 from planlang.compiler.expressions import Symbols, is_iri, quoted
-from planlang.compiler.layout import INDENT, WIDTH, Expression, Text, assignment, call, signature, statement
+from planlang.compiler.layout import (
+    INDENT,
+    WIDTH,
+    Expression,
+    Text,
+    assignment,
+    call,
+    one_or_several,
+    signature,
+    statement,
+)
 from planlang.compiler.lowering import Lowering
 from planlang.compiler.recoveries import check_recoveries
 from planlang.compiler.tree import Function, PlanTree
@@ -128,7 +138,17 @@ def _thing(symbols: Symbols, thing: Thing) -> list[str]:
     arguments: list[Expression | str] = [quoted(thing.type) if not is_iri(thing.type) else symbols.iri(thing.type)]
     if thing.iri is not None:
         arguments.append(symbols.iri(thing.iri))
-    return assignment([Text(symbols.constant(thing))], call(symbols.use(MAKERS[thing.kind]), *arguments), depth=0)
+    where = {"where": _standing(symbols, thing.where)} if thing.where else {}
+    made = call(symbols.use(MAKERS[thing.kind]), *arguments, **where)
+    return assignment([Text(symbols.constant(thing))], made, depth=0)
+
+
+def _standing(symbols: Symbols, relations: Sequence[tuple[str, Thing]]) -> Expression:
+    """Location at which a thing of a class has to be, by constants."""
+    related: dict[str, list[Expression]] = {}
+    for relation, thing in relations:
+        related.setdefault(relation, []).append(Text(symbols.constant(thing)))
+    return call(symbols.use("a_location"), **{name: one_or_several(things) for name, things in related.items()})
 
 
 def _posture(symbols: Symbols, place: Place, name: str) -> list[str]:

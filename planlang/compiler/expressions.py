@@ -107,6 +107,8 @@ class Symbols:
 
     def _names_of(self, thing: Thing) -> tuple[str, str]:
         if thing not in self._things:
+            for _, other in thing.where:  # constants are stated in this order
+                self.constant(other)
             preferred = without_digits(snake_case(thing.name))
             name = preferred if thing.kind is Kind.DEVICE else self._claim(preferred)
             has_cases = preferred != preferred.upper() or thing.kind is Kind.DEVICE

@@ -85,6 +85,11 @@ class Node:
         self._path = path
         return path
 
+    def path_of_next(self, name: str) -> str:
+        """Path that the next node of this name will have under this one."""
+        number = 1 if self._counts is None else self._counts.get(name, 0) + 1
+        return f"{self.path}/{name}" if number == 1 else f"{self.path}/{name}#{number}"
+
     @property
     def unused(self) -> bool:
         """True until a node is started under this one."""

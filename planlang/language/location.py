@@ -33,6 +33,7 @@ from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
 from planlang.language.budgets import take_attempt
 from planlang.language.executive import executive_for
+from planlang.language.performances import performing
 from planlang.language.performing import HeldPose, held_pose, perform
 from planlang.language.recovery import Recovery, check_recoveries, matches, recovering
 from planlang.language.resources import Lease, using
@@ -117,7 +118,8 @@ async def at_location(
         location = location & _in_reach(reaching, device, location.device)
     inside = partial(_inside, executive, location, by, body, attempts)
     run = partial(node, "at_location", "at_location", inside, location=location, attempts=attempts)
-    return await recovering(run, recoveries)
+    with performing(location, "at_location", name_of(body)):
+        return await recovering(run, recoveries)
 
 
 async def _inside(executive: Executive, location: Location, by: str | None, body: Branch, attempts: int) -> Any:

@@ -19,6 +19,7 @@ from planlang.language.branches import Branch
 from planlang.language.budgets import charge
 from planlang.language.conditions import Goal, achieving
 from planlang.language.executive import current, executive_for
+from planlang.language.performances import performing
 from planlang.language.plans import Handle, Plan, Restarting, join
 from planlang.language.process_module import performs
 from planlang.language.recovery import Recovery, recoveries_of, recovering
@@ -90,6 +91,7 @@ _PERFORM = Usage(
         "otherwise": "reach",
         "until": "holding(cup)",
         "recoveries": "[Recovery(GraspMissed)]",
+        "times": "3",
     },
 )
 
@@ -134,6 +136,7 @@ async def perform(
     otherwise: Branch | None = None,
     until: Goal | None = None,
     recoveries: Iterable[Recovery] = (),
+    times: int = 1,
 ) -> Any:
     """Have a process module perform an action; return the module's result.
 
@@ -152,18 +155,24 @@ async def perform(
     it is the plan of one of these classes (``@plan(IRI)``), it also takes precedence over modules for farther ones.
     ``until`` is a goal as in ``achieve``: if it holds, nothing is performed and the result is None; if it does not hold
     afterwards, GoalNotAchieved is raised. ``recoveries`` handle failures of all this, as in ``with_failure_handling``.
+    With ``times``, all this is done so often, each time with another thing of each class that the action names.
     """
+    times = _PERFORM.whole("times", times, 1, "performances")
     if otherwise is not None:
         _PERFORM.branch("otherwise", otherwise)
     check_action(_PERFORM, action, name)
-    step: Branch = partial(_performed, action, name, once, otherwise)
+    path_element = name or action.name or local_name(action.type)
+    step: Branch = partial(_performed, action, path_element, once, otherwise)
     if until is not None:
         step = achieving(_PERFORM, "until", until, step)
-    return await recovering(step, recoveries_of(_PERFORM, recoveries))
+    rules, result = tuple(recoveries_of(_PERFORM, recoveries)), None
+    for _ in range(times):
+        with performing(action, path_element, times=times):
+            result = await recovering(step, rules)
+    return result
 
 
-async def _performed(action: Action, name: str | None, once: bool, otherwise: Branch | None) -> Any:
-    path_element = name or action.name or local_name(action.type)
+async def _performed(action: Action, path_element: str, once: bool, otherwise: Branch | None) -> Any:
     executive = current.get() if otherwise is not None else executive_for("perform")
     module = None if executive is None else module_for(executive, action, otherwise)
     if executive is None or module is None:

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
-from planlang.designators import local_name
+from planlang.designators import local_name, snake_case
 from planlang.kept import kept
-from planlang.ontology import BNode, Literal, Ontology, Term, expand, shorten
+from planlang.ontology import BNode, Literal, Ontology, Restriction, Term, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, UPPER, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
 from planlang.recipe.statements import (
@@ -47,6 +48,10 @@ NUMERIC = _INTEGERS | {"float", "double", "decimal"}
 
 TEXT = frozenset({"", "string", "langString"})
 """Local names of the datatypes of text; an untyped literal is text."""
+
+
+DEVICE_PROPERTIES = ("deviceUsed", "bodyPartsUsed")
+"""Properties (local names) for the part of the robot with which it acts."""
 
 
 def nearest_in_vocabulary(ontology: Ontology, cls: str, below: str | None = None) -> str:
@@ -110,7 +115,9 @@ def read_filler(ontology: Ontology, term: Term, property_name: str | None = None
     """
     if isinstance(term, Literal):
         return read_literal(ontology, term, property_name)
-    if isinstance(term, BNode) or not ontology.defined(term):
+    if isinstance(term, BNode):
+        return read_described(ontology, term)
+    if not ontology.defined(term):
         return None
     if is_place(ontology, term):
         return read_place(ontology, term)
@@ -118,6 +125,8 @@ def read_filler(ontology: Ontology, term: Term, property_name: str | None = None
         return Name(term)
     thing = read_thing(ontology, term)
     if thing is None and property_name is not None and is_of_unknown_kind(ontology, term):
+        if names_device(ontology, term, property_name):
+            return Thing(Kind.DEVICE, "Arm", _individual(ontology, term), expand("Arm"))
         thing = _unknown(ontology, term) if takes_things(ontology, property_name) else None
     return thing or Name(term)
 
@@ -132,6 +141,32 @@ def read_thing(ontology: Ontology, iri: str) -> Thing | None:
     return None
 
 
+def read_described(ontology: Ontology, expression: BNode) -> Thing | None:
+    """Read an expression for things of a class that stand in relations to others: ``Cup and on-Physical value table1``.
+
+    None for any other expression.
+    """
+    named = [one for one in ontology.members(expression) if isinstance(one, str) and not isinstance(one, BNode)]
+    if len(named) != 1 or ontology.unread_parts(expression):
+        return None
+    thing = None if is_place(ontology, named[0]) else read_thing(ontology, named[0])
+    where = tuple(_standing(ontology, one) for one in ontology.restrictions(expression))
+    if thing is None or thing.kind is not Kind.OBJECT or thing.iri is not None or not where:
+        return None
+    related = sorted((one for one in where if one is not None), key=lambda one: (one[0], one[1].name))
+    return replace(thing, where=tuple(related)) if len(related) == len(where) else None
+
+
+def _standing(ontology: Ontology, restriction: Restriction) -> tuple[str, Thing] | None:
+    """Read a relation to one thing that a restriction requires; None for any other restriction."""
+    relation, term = _relation(restriction.property), restriction.filler
+    if relation is None or RELATIONS[relation].arity > 1 or restriction.kind not in KINDS:
+        return None
+    if restriction.cardinality not in (None, 1) or not isinstance(term, str) or isinstance(term, BNode):
+        return None
+    return None if is_place(ontology, term) or (thing := read_thing(ontology, term)) is None else (relation, thing)
+
+
 def classes_of(ontology: Ontology, iri: str) -> tuple[str, ...]:
     """The class itself, or the classes of an individual, those with the most ancestors first."""
     if _individual(ontology, iri) is None:
@@ -143,6 +178,14 @@ def is_of_unknown_kind(ontology: Ontology, iri: str) -> bool:
     """True if neither the class, nor any class of the individual, has an ancestor in the vocabulary."""
     above = (ancestor for cls in classes_of(ontology, iri) for ancestor in ontology.ancestors(cls))
     return not any(is_vocabulary_class(ancestor) for ancestor in above)
+
+
+def names_device(ontology: Ontology, term: str, property_name: str) -> bool:
+    """True for the device of an action that is of unknown kind, but called an arm, hand or gripper: ``leftArm``."""
+    if local_name(property_name) not in DEVICE_PROPERTIES or not is_of_unknown_kind(ontology, term):
+        return False
+    words = {word for name in (term, *ontology.types(term)) for word in snake_case(local_name(name)).split("_")}
+    return not words.isdisjoint(("arm", "hand", "gripper"))
 
 
 def is_vocabulary_class(cls: str) -> bool:
@@ -412,9 +455,16 @@ def _parameter(ontology: Ontology, filling: Filling, created: frozenset[str]) ->
     if filler is None:
         return None
     property_name = shorten(filling.property)
-    if property_name == "bodyPartsUsed" and _is_device_term(ontology, filling.term):
+    is_device_filler = isinstance(filler, Thing) and filler.kind is Kind.DEVICE
+    if property_name == "bodyPartsUsed" and (is_device_filler or _is_device_term(ontology, filling.term)):
         property_name = "deviceUsed"
-    return Parameter(property_name, filler, filling.span)
+    return Parameter(property_name, filler, filling.span, number=filling.number if is_counted(filling, filler) else 1)
+
+
+def is_counted(filling: Filling, filler: Filler | None) -> bool:
+    """True for a number of different objects of a class that an action is about: ``objectActedOn exactly 3 Cup``."""
+    is_stated = filling.kind == "exactly" and local_name(filling.property) == "objectActedOn"
+    return is_stated and isinstance(filler, Thing) and filler.kind is Kind.OBJECT and filler.iri is None
 
 
 def _is_device_term(ontology: Ontology, term: Term) -> bool:

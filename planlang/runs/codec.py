@@ -89,6 +89,8 @@ def dump(value: object, depth: int = 0) -> Any:
     is_known = kind.__name__ in _VALUES or kind in _DESIGNATORS or isinstance(value, Filler)
     if is_known and kind.__module__ in _MODULES and is_dataclass(value):
         inside = {field.name: dump(getattr(value, field.name), depth + 1) for field in fields(value)}
+        if isinstance(value, Object) and value.where is None:  # as in traces of before there was one
+            del inside["where"]
         return {"$": kind.__name__, **inside}
     raise Lost(f"{kind.__module__}.{kind.__qualname__}")
 
@@ -218,6 +220,8 @@ def _make(name: str, inside: Mapping[str, Any]) -> Any:
     if kind is Relation and "reference" in inside:  # of traces that were written when there was one
         inside = {**inside, "references": {"$tuple": [inside["reference"]]}}
         del inside["reference"]
+    if issubclass(kind, Object):
+        inside = {"where": None, **inside}
     if set(inside) != {field.name for field in fields(kind)}:
         raise ValueError(f"wrong field names for {name}")
     try:

@@ -19,7 +19,7 @@ from planlang.designators import Object, action
 from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.ontology import Ontology, expand, load
-from sim import PyBulletWorld
+from sim import PyBulletWorld, Scene
 
 PLACE = "http://example.org/leaves.owl#"
 DRAWERS = 0.4
@@ -103,10 +103,16 @@ def room(
     start: tuple[float, float, float] = START,
 ) -> Room:
     """A room with things in it, of which ``truth`` are there; ``stack`` ends its worlds."""
-    bound = robot_of(robot)
-    semantic_map = SemanticMap(None, vocabulary(), things, ())
-    believed = world_at_start(replace(scene_of(semantic_map), bounds=BOUNDS), bound, start, stack)
     there = scene_of(SemanticMap(None, vocabulary(), truth or things, ()))
+    return staged(stack, SemanticMap(None, vocabulary(), things, ()), there, robot, start)
+
+
+def staged(
+    stack: ExitStack, semantic_map: SemanticMap, there: Scene, robot: str, start: tuple[float, float, float]
+) -> Room:
+    """A robot in a world that it believes to be as its map says; ``stack`` ends its worlds."""
+    bound = robot_of(robot)
+    believed = world_at_start(replace(scene_of(semantic_map), bounds=BOUNDS), bound, start, stack)
     real = PyBulletWorld(replace(there, bounds=BOUNDS, start=start), bound.body())
     stack.callback(real.close)
     platform = platform_of(bound, semantic_map, real, believed, 0)

@@ -85,6 +85,10 @@ class LeafWork(HandWork):
             with suppress(ManipulationFailure, NavigationFailure, EnvironmentManipulationFailure):
                 await self._motion(joint.upper, joint.upper).run()
 
+    async def open_further(self) -> None:
+        """Open the leaf as far as it goes; raises as :meth:`open` does if it does not move."""
+        await self._motion(self._joint.upper, self._value() + NO_FURTHER * self._joint.upper).run()
+
     async def close(self) -> None:
         """Close the leaf; raises as :meth:`open` does."""
         await self._move(0.0, self._joint.last_shut, self._joint.is_shut)
@@ -174,7 +178,7 @@ class LeafWork(HandWork):
 
     async def _approach(self, path: LeafPath) -> None:
         """Drive to the path's base pose, look at the leaf, and bring the open hand to the handle."""
-        arm, what = path.arm, self._joint.handle
+        arm, what = path.arm, path.handle
         await self.drive(path.base)
         await is_seen_from_here(self.platform, self._joint.leaf)
         if abs(self._value() - path.values[0]) > 1e-9:  # the path begins where the leaf is not
@@ -186,22 +190,22 @@ class LeafWork(HandWork):
 
     async def _grasp(self, path: LeafPath) -> bool:
         """Close the hand on the handle; return whether it feels it where it was believed to be."""
-        arm, joint, hands = path.arm, self._joint, self.platform.hands
+        arm, hands = path.arm, self.platform.hands
         await hands.move(arm, closed=True)
-        if not hands.is_on(arm, joint.handle or joint.leaf):
-            raise GraspMissed(arm=arm.name, what=joint.handle)
-        return self._feels_as_believed(arm)
+        if not hands.is_on(arm, path.handle):
+            raise GraspMissed(arm=arm.name, what=path.handle)
+        return self._feels_as_believed(path)
 
     async def _pull(self, path: LeafPath) -> None:
         """Close the hand on the handle and move the leaf, if it is where it was believed to be."""
         if not await self._grasp(path):
-            raise ManipulationPoseUnreachable(arm=path.arm.name, what=self._joint.handle)
+            raise ManipulationPoseUnreachable(arm=path.arm.name, what=path.handle)
         await self._lead(path)
 
     async def _leave(self, path: LeafPath) -> None:
         """Release the handle, retreat, back off, and tuck the arm."""
         await self.platform.hands.move(path.arm, closed=False, fingers=path.fingers)
-        await self.back(path.arm, path.poses, self._joint.handle)
+        await self.back(path.arm, path.poses, path.handle)
 
     async def _verify(self, path: LeafPath, problem: PlanFailure | None) -> None:
         """Look at the leaf after a motion, or a grasp that missed it. Raises ContainerStuck if it has not moved."""
@@ -215,13 +219,13 @@ class LeafWork(HandWork):
         if problem is None and abs(self._value() - path.values[0]) < NO_FURTHER * self._joint.upper:
             raise ContainerStuck(what=leaf)
 
-    def _feels_as_believed(self, arm: ArmModel) -> bool:
+    def _feels_as_believed(self, path: LeafPath) -> bool:
         """Believe of a leaf that was not seen what fingers feel at its handle; return whether it was believed there."""
         platform, joint, value = self.platform, self._joint, self._value()
-        point = platform.between_fingers(arm.name)
-        if point is None or joint.handle is None or joint.is_knob or platform.belief.witnessed(joint.leaf):
+        point = platform.between_fingers(path.arm.name)
+        if point is None or joint.is_knob or platform.belief.witnessed(joint.leaf):
             return True
-        closed = np.array(platform.scene.world.scene.body(joint.handle).pose.position)
+        closed = np.array(platform.scene.world.scene.body(path.handle).pose.position)
         there = joint.value_at(closed, point)
         turns = joint.kind is not JointKind.PRISMATIC  # the handle moves by the lever per radian, or by the slide
         lever = float(np.linalg.norm(np.cross(joint.axis, closed - joint.point))) if turns else 1.0
@@ -234,7 +238,7 @@ class LeafWork(HandWork):
         platform.hands.lead(arm, joint.leaf)
         motion = await platform.follow(arm.name, self._timed(path))
         if joint.leaf not in platform.belief.led:  # the fingers no longer feel the handle
-            raise GraspSlipped(arm=arm.name, what=joint.handle)
+            raise GraspSlipped(arm=arm.name, what=path.handle)
         if motion.state is not MotionState.DONE:
             await platform.sensing.bump(motion)
             by = "" if motion.blocked_by is None else f" by {motion.blocked_by}"
@@ -254,7 +258,7 @@ class LeafWork(HandWork):
             within = arm.chain.within(trajectory.positions, 1e-6).all()
             if within and self._stray(path, trajectory) < STRAY and self._is_free(arm, trajectory):
                 return trajectory
-        raise ManipulationPoseUnreachable(arm=arm.name, what=self._joint.handle)
+        raise ManipulationPoseUnreachable(arm=arm.name, what=path.handle)
 
     def _is_free(self, arm: ArmModel, trajectory: Trajectory) -> bool:
         """Check whether the arm and the leaf that moves with it are collision-free along a trajectory."""
@@ -285,7 +289,8 @@ class Containers(HandWork):
     async def execute(self, action: Action) -> str:
         """Open or close ``object_acted_on``; return the name of the door, drawer or lid.
 
-        Furniture is open when one of its leaves is, the nearest that is closed, and closed when all of them are.
+        Furniture is open when one of its leaves is, the nearest that is closed, and closed when all of them are. What
+        is open already is opened further ``all_the_way``.
         """
         what = self.object_of(action, "open or close")
         opens = "OpeningAContainerArtifact" in self.platform.ancestors(action.type)
@@ -294,5 +299,8 @@ class Containers(HandWork):
             raise ActionUnresolvable(f"{what} has no door, drawer or lid", designator=str(action))
         for joint in leaves[: 1 if opens else len(leaves)]:
             work = LeafWork(self.platform, joint)
-            await (work.open() if opens else work.close())
+            if opens and action.get("all_the_way"):
+                await work.open_further()
+            else:
+                await (work.open() if opens else work.close())
         return leaves[0].leaf

@@ -184,7 +184,7 @@ def hand_with(scene: PlanningScene, arm: ArmModel, fingers: Fingers = ()) -> Arr
 
 def outwards_of(scene: PlanningScene, joint: Articulation) -> Array:
     """Compute the outward normal (3,) of a leaf's free side in the map, at its current pose."""
-    if joint.kind is JointKind.PRISMATIC:
+    if joint.kind is JointKind.PRISMATIC and not joint.frame:
         return np.array(joint.axis)
     if joint.is_knob and joint.holder is not None:
         arrow = np.array(scene.bodies.pose(joint.leaf).position) - scene.bodies.pose(joint.holder).position

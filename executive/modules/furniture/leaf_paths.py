@@ -16,14 +16,15 @@ from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.changes import Changes
+from executive.locations.changes import CLOSE, Changes
 from executive.locations.hand_solutions import base_matrices
 from executive.locations.rejections import COLLISION, NO_ROOM, NO_WAY, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.locations.standing import Standing
-from executive.modules.furniture.leaf_grips import LAGS, Grips, grips_of
+from executive.modules.furniture.leaf_grips import LAGS, Grips, grips_of, outwards_of
 from executive.motion import Chain, cartesian_path
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
+from planlang.designators import Action, action
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved, product
@@ -47,12 +48,16 @@ FARTHEST = 0.5
 """Largest step of an arm joint between two postures [rad, m]."""
 ENOUGH = 0.12
 """Least share of its range by which to move a leaf from one base pose."""
+PART = 0.35
+"""Share of the way that is left by which it is worth to move a door between rooms from one base pose."""
 BEHIND = (0.08, 0.2, 0.3)
 """Distances behind the handle at which the hand stands for the arm that follows it [m]."""
 LEAVING = (0.25, 0.5, 1.0)
 """Shares of the retreat from the handle at which to check the hand."""
 SWEPT = Reason("swept over by the leaf")
 NO_GRIP = "no room for the hand at the handle"
+MOST_SUPPOSED = 6
+"""Most batches and paths of a search in a scene that is supposed."""
 MOST_NAMED = 3
 """Most obstacles to name in a failure."""
 
@@ -62,6 +67,7 @@ class LeafPath:
     """Base pose, grip of the handle, and motion of the arm that moves the leaf from there."""
 
     arm: ArmModel
+    handle: str
     base: BasePose
     fingers: Fingers
     """Opening of the hand for the approach to the handle."""
@@ -87,8 +93,9 @@ class LeafPaths:
     def towards(self, value: float, arms: Sequence[ArmModel], sufficient: float) -> Iterator[LeafPath | None]:
         """Yield paths that move the leaf from its believed value to ``value``; None between batches.
 
-        Paths that reach ``sufficient`` come as they are found, shorter ones at the end, longest first. Grips that need
-        less room are tried only if the others allow no path.
+        Paths that reach ``sufficient`` come as they are found, shorter ones at the end, longest first; those of a door
+        between rooms also if they go a good part of the way, as it takes several base poses to move one. Grips that
+        need less room are tried only if the others allow no path.
         """
         joint = self._joint
         self._tried = tuple(arms)
@@ -97,20 +104,30 @@ class LeafPaths:
         values = np.linspace(current, value, count)
         enough = int(np.argmax((values >= sufficient) if value > current else (values <= sufficient))) + 1
         self._values, self._enough = values, enough
+        soon = math.ceil(PART * enough) if joint.frame else enough
         partial: list[LeafPath] = []
         any_path = False
-        for arm, tight in ((arm, tight) for tight in (False, True) for arm in arms):
+        hands = [(by, arm) for by in self._by_handles() for arm in arms]
+        for (by, arm), tight in ((hand, tight) for tight in (False, True) for hand in hands):
             if tight and any_path:
                 break
-            paths = self._of_arm(arm, values, enough, tight=tight)
-            for path in _whole_first(paths, count) if joint.kind is JointKind.PRISMATIC else paths:
+            paths = self._of_arm(by, arm, values, enough, tight=tight)
+            is_sorted = joint.kind is JointKind.PRISMATIC or bool(joint.frame)
+            for path in _whole_first(paths, count) if is_sorted else paths:
                 any_path = any_path or path is not None
-                if path is None or len(path.values) >= enough:
+                if path is None or len(path.values) >= soon:
                     yield path
                 else:
                     partial.append(path)
         least = max(2, math.ceil(ENOUGH * count))
         yield from sorted((one for one in partial if len(one.values) > least), key=lambda one: -len(one.values))
+
+    def _by_handles(self) -> list[Articulation]:
+        """List the joint as it is moved by each handle of the leaf, those on the side of the base first."""
+        joint, scene = self._joint, self._scene
+        by = [joint.by(handle) for handle in joint.handles]
+        here = np.array([scene.base()])
+        return sorted(by, key=lambda one: not _before(scene, one, here)[0]) if len(by) > 1 else by
 
     def _reach(self, scene: PlanningScene) -> bool:
         """Check whether an arm would reach the handle from a free base pose in a scene that is supposed.
@@ -118,15 +135,23 @@ class LeafPaths:
         Ignores collisions of the arm.
         """
         hypothetical = LeafPaths(scene, self._joint)  # its own counts: these candidates were not really tried
-        for arm in self._tried:
-            grips = grips_of(scene, arm, self._joint)
+        for by, arm in ((by, arm) for by in self._by_handles() for arm in self._tried):
+            grips = grips_of(scene, arm, by)
             if len(grips):
-                bases, _ = hypothetical._bases(arm, self._values, grips, self._enough)
+                bases, _ = hypothetical._bases(by, arm, self._values, grips, self._enough)
                 roomy = np.ones(len(self._values), bool)
-                search = _ArmPaths(scene, self._joint, arm, grips, self._values, roomy, hypothetical.rejected)
+                search = _ArmPaths(scene, by, arm, grips, self._values, roomy, hypothetical.rejected)
                 if len(bases) and search.reach(bases[: BLOCK * MOST_BLOCKS]):
                     return True
         return False
+
+    def _moves(self, scene: PlanningScene) -> bool:
+        """Check whether a path moves the leaf far enough in a scene that is supposed, within a few batches."""
+        if not self._reach(scene):  # the cheaper question
+            return False
+        value, sufficient = float(self._values[-1]), float(self._values[self._enough - 1])
+        paths = LeafPaths(scene, self._joint).towards(value, self._tried, sufficient)
+        return any(path is not None and len(path.values) >= self._enough for path in islice(paths, MOST_SUPPOSED))
 
     # Why there is none
 
@@ -135,73 +160,100 @@ class LeafPaths:
         rejected, joint = self.rejected, self._joint
         self.poses.name_crowding()
         counts, handle = rejected.ordered(), str(joint.handle)
-        figures = ""
-        if set(counts) == {NO_GRIP}:
+        rejected.first, figures = self._once_closed()
+        if not figures and set(counts) == {NO_GRIP}:
             body = next(iter(rejected.ordered_blocking()))
             figures = f"in each of the {counts[NO_GRIP]} grips checked, the hand is in collision, mostly with {body}"
-        elif counts.get(COLLISION):
+        elif not figures and counts.get(COLLISION):
             bodies = ", ".join(islice(rejected.ordered_blocking(), MOST_NAMED))
             figures = f"{counts[COLLISION]} postures with a hand at it are in collision, mostly with {bodies}"
-        elif counts and set(counts) <= {OUT_OF_REACH.text, NO_ROOM, NO_WAY, SWEPT.text, NO_GRIP}:
+        elif not figures and counts and set(counts) <= {OUT_OF_REACH.text, NO_ROOM, NO_WAY, SWEPT.text, NO_GRIP}:
             height = f"{handle} is at {self._scene.bodies.pose(handle).position[2]:.2f} m"
-            figures = Changes(handle, self._scene, rejected, self._reach).helping() or height
+            figures = Changes(handle, self._scene, rejected, self._moves).helping() or height
         reason = next(iter(counts), "")
         rejected.figures = {reason: figures} if figures else {}
         return rejected.failure(f"the base with a hand at {handle} as {joint.leaf} moves")
 
+    def _once_closed(self) -> tuple[Action | None, str]:
+        """Find the door or drawer in the way that is open and with which closed there is a path; None and "" if none.
+
+        The action closes it.
+        """
+        belief, blocking = self._scene.belief, self.rejected.ordered_blocking()
+        others = [leaf for leaf, one in belief.joints.items() if leaf != self._joint.leaf and belief.is_left_open(leaf)]
+        counts = {leaf: sum(blocking.get(name, 0) for name in belief.joints[leaf].bodies) for leaf in others}
+        leaf = max(others, key=lambda one: counts[one], default=None)
+        if leaf is None or not counts[leaf] or not self._tried:
+            return None, ""
+        once = LeafPaths(self._scene.supposing(belief.with_leaf(leaf, 0.0)), self._joint)
+        paths = once.towards(float(self._values[-1]), self._tried, float(self._values[self._enough - 1]))
+        if not any(path is not None for path in paths):
+            return None, ""
+        closing = action(CLOSE, object_acted_on=self._scene.bodies.designator(leaf))
+        return closing, f"with {leaf} closed, a hand could move {self._joint.leaf}"
+
     # One arm
 
-    def _of_arm(self, arm: ArmModel, values: Array, enough: int, *, tight: bool) -> Iterator[LeafPath | None]:
-        """Yield the collision-free paths of one arm, best base poses first; None after each batch."""
-        grips = self._free(arm, grips_of(self._scene, arm, self._joint, tight=tight))
+    def _of_arm(
+        self, joint: Articulation, arm: ArmModel, values: Array, enough: int, *, tight: bool
+    ) -> Iterator[LeafPath | None]:
+        """Yield the collision-free paths of one arm by one handle, best base poses first; None after each batch."""
+        grips = self._free(joint, arm, grips_of(self._scene, arm, joint, tight=tight))
         if not len(grips):
             return
-        roomy = self._roomy(arm, grips, values, enough)
-        search = _ArmPaths(self._scene, self._joint, arm, grips, values, roomy, self.rejected)
-        bases, steps = self._bases(arm, values, grips, enough)
+        roomy = self._roomy(joint, arm, grips, values, enough)
+        search = _ArmPaths(self._scene, joint, arm, grips, values, roomy, self.rejected)
+        bases, steps = self._bases(joint, arm, values, grips, enough)
         for first in range(0, min(len(bases), BLOCK * MOST_BLOCKS), BLOCK):
             block = slice(first, first + BLOCK)
             yield from search.of(bases[block], steps[block])
             yield None
 
-    def _free(self, arm: ArmModel, grips: Grips) -> Grips:
+    def _free(self, joint: Articulation, arm: ArmModel, grips: Grips) -> Grips:
         """Select the grips in which the hand itself, without its arm, is free at the handle and before it."""
         if not len(grips):
             self.rejected.add("too wide for the gripper")
             return grips
-        check = self._scene.collisions.arm_check(arm, self._joint.handle, grips.fingers)
+        check = self._scene.collisions.arm_check(arm, joint.handle, grips.fingers)
         hits = [one or other for one, other in zip(*map(check.hand_hit, (grips.starts, grips.before)), strict=True)]
         self.rejected.count(Reason(NO_GRIP, one) for one in hits if one is not None)
         return grips.chosen(np.array([one is None for one in hits], bool))
 
-    def _roomy(self, arm: ArmModel, grips: Grips, values: Array, enough: int) -> NDArray[np.bool_]:
+    def _roomy(self, joint: Articulation, arm: ArmModel, grips: Grips, values: Array, enough: int) -> NDArray[np.bool_]:
         """Mark the values (n,) of the joint at which a hand could grasp the handle again, so that a path may end there.
 
         Otherwise a door beside a wall would be opened so far that no hand could close it again. Values up to ``enough``
         are always allowed. The arm is approximated by its hand at the distances :data:`BEHIND`.
         """
-        first = self._joint.motion(float(values[0])).inverse().matrix()
-        check = self._scene.collisions.arm_check(arm, self._joint.handle, grips.fingers)
+        first = joint.motion(float(values[0])).inverse().matrix()
+        check = self._scene.collisions.arm_check(arm, joint.handle, grips.fingers)
         approaches = np.stack([grips.short_by(away) for away in (0.0, *BEHIND)], axis=1)
         roomy = np.ones(len(values), bool)
         for number in range(enough, len(values) if values[-1] > values[0] else 0):
-            motion = product(self._joint.motion(float(values[number])).matrix(), first)
+            motion = product(joint.motion(float(values[number])).matrix(), first)
             hits = check.hand_hit(product(motion, approaches).reshape(-1, 4, 4))
             roomy[number] = np.array([one is None for one in hits]).reshape(len(grips), -1).all(axis=1).any()
         return roomy
 
     # Base poses
 
-    def _bases(self, arm: ArmModel, values: Array, grips: Grips, enough: int) -> tuple[Array, NDArray[np.intp]]:
-        """Sample free base poses (m, 3) within reach of the handle, best first.
+    def _bases(
+        self, joint: Articulation, arm: ArmModel, values: Array, grips: Grips, enough: int
+    ) -> tuple[Array, NDArray[np.intp]]:
+        """Sample free base poses (m, 3) within reach of the handle and, of a door between rooms, on its side.
+
+        The best come first.
 
         Also returns for how many of ``values`` the leaf can move from each (m,): as far as the arm reaches and the leaf
         does not sweep over the base.
         """
-        first = self._joint.motion(float(values[0])).inverse().matrix()
+        first = joint.motion(float(values[0])).inverse().matrix()
         middle = grips.points.mean(axis=0)
-        tips = np.stack([moved(product(self._joint.motion(v).matrix(), first), middle) for v in values.tolist()])
+        tips = np.stack([moved(product(joint.motion(v).matrix(), first), middle) for v in values.tolist()])
         bases, coarse = self._standing.lattice(arm, tips)
+        if joint.frame:
+            here = _before(self._scene, joint, bases)
+            bases, coarse = bases[here], coarse[here]
         reached, strain = _within_reach(arm, bases, tips)
         kept = reached > 1
         self.rejected.add(OUT_OF_REACH.text, 0 if kept.any() else len(kept))
@@ -209,9 +261,15 @@ class LeafPaths:
         bases, coarse, reached, strain = bases[kept], coarse[kept], reached[kept], strain[kept]
         steps = np.minimum(reached, self._unswept(bases, values))
         self.rejected.count([SWEPT] * int((steps <= 1).sum()))
-        order = np.lexsort((strain.round(6), ~coarse, -np.minimum(steps, enough)))
+        order = np.lexsort((strain.round(6), ~coarse, -np.minimum(steps, enough), self._beyond(joint, bases)))
         order = order[steps[order] > 1]
         return bases[order], steps[order]
+
+    def _beyond(self, joint: Articulation, bases: Array) -> NDArray[np.bool_]:
+        """Mark the bases (m, 3) to which no path surely leads: those behind a door between rooms that is half open."""
+        if not joint.frame or joint.is_shut(self._scene.belief.joint(joint.leaf)):
+            return np.zeros(len(bases), bool)
+        return np.array([not self._scene.collisions.has_way((x, y, yaw)) for x, y, yaw in bases.tolist()], bool)
 
     def _unswept(self, bases: Array, values: Array) -> NDArray[np.intp]:
         """Count the leading values (m,) at which the leaf does not overlap bases (m, 3), approximated by circles."""
@@ -226,10 +284,16 @@ class LeafPaths:
         return np.asarray(np.logical_and.accumulate(free, axis=1).sum(axis=1))
 
 
+def _before(scene: PlanningScene, joint: Articulation, bases: Array) -> NDArray[np.bool_]:
+    """Mark the base poses (m, 3) that are on the side of a leaf where its handle is."""
+    leaf = np.array(scene.bodies.pose(joint.leaf).position)
+    return np.asarray((bases[:, :2] - leaf[:2]) @ outwards_of(scene, joint)[:2] > 0)
+
+
 def _whole_first(paths: Iterator[LeafPath | None], count: int) -> Iterator[LeafPath | None]:
     """Yield paths through all ``count`` values at once, shorter ones after their batch, longest first.
 
-    For drawers: one that is only partly open covers what lies at its back.
+    For drawers, as one that is only partly open covers what lies at its back, and for doors between rooms.
     """
     others: list[LeafPath] = []
     for path in paths:
@@ -397,7 +461,9 @@ class _ArmPaths:
             self._rejected.add("no way for the fingers to leave the handle")
             return None
         count = 1 + int(free[-1])
-        return LeafPath(arm, base, fingers, joints[0], poses[: 1 + count], self._values[:count], joints[1 : 1 + count])
+        return LeafPath(
+            arm, handle, base, fingers, joints[0], poses[: 1 + count], self._values[:count], joints[1 : 1 + count]
+        )
 
     def _leaves(self, grip: int, lag: int, count: int) -> NDArray[np.bool_]:
         """Mark the first ``count`` values of the joint at which the open hand can retreat from the leaf (count,).

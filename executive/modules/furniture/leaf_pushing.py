@@ -54,7 +54,7 @@ class LeafStrokes(StrokeWork):
 
     def __init__(self, platform: Platform, joint: Articulation) -> None:
         super().__init__(platform)
-        self._joint = joint
+        self._joint = _from_outside(platform, joint)
         self._is_beside = joint.handle is None
         """Whether to push the leaf itself instead of its handle."""
 
@@ -200,3 +200,17 @@ class LeafStrokes(StrokeWork):
                 break
         belief.doubted(joint.leaf)
         belief.moved(joint.leaf, value, "pushed")
+
+
+def _from_outside(platform: Platform, joint: Articulation) -> Articulation:
+    """Get the joint as a hand moves it by the handle on the side to which the leaf opens."""
+    scene = platform.scene.world.scene
+    if not joint.other_handles:
+        return joint
+    shut = scene.body(joint.leaf).pose
+    opening = np.array((joint.motion(joint.upper / 2) @ shut).position) - shut.position
+
+    def ahead(handle: str) -> float:
+        return round(float((np.array(scene.body(handle).pose.position) - shut.position) @ opening), 9)
+
+    return joint.by(max(joint.handles, key=ahead))

@@ -144,7 +144,19 @@ class Checking(PlatformModule):
             raise ActionUnresolvable(
                 "cannot check this condition: name an object to see, or an exploration", designator=str(action)
             )
-        return await seen_from_here(self.platform, what) is not None
+        return await seen_from_here(self.platform, what) is not None or self._another_seen(what)
+
+    def _another_seen(self, what: Object) -> bool:
+        """Check whether another thing of the class than the nearest one is seen from here, which is meant from now on.
+
+        For a thing in a hand nobody has to look.
+        """
+        belief, by_class = self.platform.belief, what.iri is None and type(what) is Object
+        things = [one for one in belief.of_class(what) if one not in belief.held] if by_class else []
+        seen = next((name for name in things if belief.seen(name)), None)
+        if seen is not None:
+            belief.bound_to(what, seen)
+        return seen is not None
 
     def _object(self, action: Action) -> Object | None:
         """Read the object whose visibility decides the condition."""

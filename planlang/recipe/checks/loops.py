@@ -13,7 +13,7 @@ from planlang.recipe.model import Kind, Parameter, Thing
 
 @check("R069", unless=("R052",))
 def one_of_several(checked: CheckedRecipe) -> Iterator[Diagnostic]:
-    """Report steps that act on a class of things while one of this class is seen: on the same one in each round."""
+    """Report steps that act on things of a class while one of this class is seen, be it one that they are done with."""
     machine, recipe = checked.recipe.machine, checked.recipe
     if machine is None:
         return
@@ -27,15 +27,23 @@ def one_of_several(checked: CheckedRecipe) -> Iterator[Diagnostic]:
             for cls, parameter in _classes(tuple(acted_on)):
                 if any(is_a(cls, other) or is_a(other, cls) for other, _ in asked):
                     message = (
-                        f"`{step.name}` acts on one `{local_name(cls)}`, the same in each round of its loop, though the"
-                        f" loop goes on while any `{local_name(cls)}` is there"
+                        f"the loop goes on while any `{local_name(cls)}` is seen, also one with which `{step.name}` is"
+                        " done; then it fails, as none is left"
                     )
-                    advice = "name each thing, and give it a step of its own, if the loop has to work through several"
+                    advice = (
+                        f"say where it has to be in the condition: `some ({local_name(cls)} and on-Physical value X)`,"
+                        " or check from where what is done cannot be seen"
+                    )
                     yield warning("R069", message, parameter.span, advice)
 
 
 def _classes(parameters: tuple[Parameter, ...]) -> Iterator[tuple[str, Parameter]]:
     """Yield the classes of objects that are given by their class alone."""
     for one in parameters:
-        if isinstance(one.filler, Thing) and one.filler.iri is None and one.filler.kind is Kind.OBJECT:
+        if (
+            isinstance(one.filler, Thing)
+            and one.filler.iri is None
+            and one.filler.kind is Kind.OBJECT
+            and not one.filler.where
+        ):
             yield one.filler.stated, one

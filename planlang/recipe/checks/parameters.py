@@ -31,6 +31,7 @@ from planlang.recipe.fillers import (
     is_of_unknown_kind,
     is_place,
     is_relation,
+    names_device,
     read_filler,
     read_literal,
     read_thing,
@@ -333,7 +334,10 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
         suggestion = _similar(ontology, term)
         yield Diagnostic(severity, "R033", message, span, _question(suggestion), suggestion)
     elif (
-        takes_things(ontology, filling.property) and is_of_unknown_kind(ontology, term) and not is_place(ontology, term)
+        takes_things(ontology, filling.property)
+        and is_of_unknown_kind(ontology, term)
+        and not is_place(ontology, term)
+        and not names_device(ontology, term, filling.property)
     ):
         yield _of_unknown_kind(ontology, f"{short} of `{local_name(owner)}`", term, span)
     for missing in unread_references(ontology, term):

@@ -56,7 +56,7 @@ WITHOUT = {
     "R065": "the intended constraint is unknown",
     "R067": "any of the orderings may be wrong",
     "R068": "the file does not state the thing or place",
-    "R069": "the file does not state which things there are",
+    "R069": "the file does not state which things are meant",
     "R070": "the file does not state the other thing, or which one is superfluous",
 }
 """Code -> why there is no fix: the file allows several corrections, or determines none."""

@@ -16,7 +16,7 @@ import numpy as np
 from executive.robots import Arm
 from planlang.geometry import Array, Pose
 from sim import Body, Scene
-from sim.joints import JointKind
+from sim.joints import Articulation, JointKind
 from tests.benchmarks.homes.furnishing import Rectangle
 from tests.benchmarks.homes.tasks import Need
 from tests.support.locations.dense_sampler import Joints, way_from
@@ -64,11 +64,11 @@ class Search:
         self.until = time.process_time() + self.seconds
         moved: dict[str, Pose] = {}
         try:
-            if need.kind in ("open", "close"):
-                return self._opens(need.thing, scene, moved)
+            is_moved = need.kind in ("open", "close")
             for leaf in leaves:
-                self._lead(scene, leaf, 1.0, moved)
-            return self._does(need, scene, moved)
+                if not is_moved or (leaf != need.thing and joint_of(scene, leaf).frame):
+                    self._lead(scene, leaf, 1.0, moved)
+            return self._opens(need.thing, scene, moved) if is_moved else self._does(need, scene, moved)
         finally:
             for name in moved:
                 self.oracle.move(name, scene.body(name).pose)
@@ -166,36 +166,39 @@ class Search:
 
     def _opens(self, leaf: str, scene: Scene, moved: dict[str, Pose]) -> bool:
         """Return True if some hand gets to a leaf's handle, shut, half open and open, from where a base can stand."""
-        joint = next(one for one in scene.joints if one.leaf == leaf)
-        handle = joint.handle or leaf
         for share in LEADING:
             self._lead(scene, leaf, share, moved)
-            pose, size = moved[handle], scene.body(handle).size
-            outward = self._outward(scene, leaf, moved[leaf], pose)
-            hands = []
-            for arm in self.oracle.robot.arms:
-                every = self._around(arm, np.array(pose.position), -outward, ENDS[:4])
-                closing = every[:, 1, :3, :3] @ np.array(arm.closing)
-                widths = np.abs(closing @ pose.rotation) @ np.array(size)
-                room = arm.gripper.max_opening if arm.gripper is not None else 0.0
-                hands.append(every[widths < min(room, 0.06)])
-            if not self._reached(hands, handle, 0.4):
+            handles = joint_of(scene, leaf).handles or (leaf,)
+            if not any(self._leads_by(handle, leaf, scene, moved, 0.4 / len(handles)) for handle in handles):
                 return False
         return True
 
+    def _leads_by(self, handle: str, leaf: str, scene: Scene, moved: dict[str, Pose], share: float) -> bool:
+        """Return True if some hand gets to a handle of a leaf, where it is, in a ``share`` of the time that is left."""
+        pose, size = moved[handle], scene.body(handle).size
+        outward = self._outward(scene, leaf, moved[leaf], pose)
+        hands = []
+        for arm in self.oracle.robot.arms:
+            every = self._around(arm, np.array(pose.position), -outward, ENDS[:4])
+            closing = every[:, 1, :3, :3] @ np.array(arm.closing)
+            widths = np.abs(closing @ pose.rotation) @ np.array(size)
+            room = arm.gripper.max_opening if arm.gripper is not None else 0.0
+            hands.append(every[widths < min(room, 0.06)])
+        return self._reached(hands, handle, share)
+
     def _outward(self, scene: Scene, leaf: str, door: Pose, handle: Pose) -> Array:
         """Return the normal (3,) of a leaf's front at its handle."""
-        joint = next(one for one in scene.joints if one.leaf == leaf)
-        if joint.kind is JointKind.PRISMATIC:
+        joint = joint_of(scene, leaf)
+        if joint.kind is JointKind.PRISMATIC and not joint.frame:
             return np.array(joint.axis)
         axis = door.rotation[:, int(np.argmin(scene.body(leaf).size))]
         return axis * math.copysign(1.0, float(axis @ (np.array(handle.position) - door.position)))
 
     def _lead(self, scene: Scene, leaf: str, share: float, moved: dict[str, Pose]) -> None:
         """Open a leaf, with what lies in it if it is a drawer."""
-        joint, body = next(one for one in scene.joints if one.leaf == leaf), scene.body(leaf)
+        joint, body = joint_of(scene, leaf), scene.body(leaf)
         names = list(joint.bodies)
-        if joint.kind is JointKind.PRISMATIC:
+        if joint.kind is JointKind.PRISMATIC and not joint.frame:
             names += [one.name for one in scene.bodies if one.movable and _is_in(body, one)]
         for name in names:
             moved[name] = joint.motion(share * joint.upper) @ scene.body(name).pose
@@ -349,6 +352,11 @@ def above(body: Body, height: float) -> Array:
     """Return the point (3,) above the middle of the top of what stands."""
     x, y, z = body.pose.position
     return np.array([x, y, z + body.size[2] / 2 + height])
+
+
+def joint_of(scene: Scene, leaf: str) -> Articulation:
+    """Return the joint of a leaf."""
+    return next(one for one in scene.joints if one.leaf == leaf)
 
 
 def _is_in(body: Body, other: Body) -> bool:

@@ -13,8 +13,10 @@ MADE = TOP / ".venv" / "homes"
 """Folder of the robots that are made."""
 URDFS = {"tiago_pro": "robots/tiago_pro_description/robots/tiago_pro.urdf"}
 """Robot -> its URDF in the package example-robot-data."""
-OPTIONS = {"panda": ("--trust-map",)}
-"""Panda has no camera."""
+BLIND = ("panda",)
+"""Robots without a camera."""
+OPTIONS = dict.fromkeys(BLIND, ("--trust-map",))
+"""Options of a robot's runs."""
 
 
 def named(robot: str) -> str:

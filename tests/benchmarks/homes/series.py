@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import subprocess
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -83,6 +83,13 @@ def cases(seeds: Sequence[int], templates: Sequence[str], robots: Sequence[str],
         for template in templates:
             for robot in robots:
                 yield Case(template, seed, robot, displaced)
+
+
+def by_lot(rows: Sequence[Mapping[str, object]], number: int) -> list[Mapping[str, object]]:
+    """Return so many of the tasks that were reached in homes as their maps say, drawn by lot; equal rows, equal lot."""
+    reached = [row for row in rows if row.get("reached") and not row.get("displaced")]
+    reached.sort(key=lambda row: hashlib.sha256(str(row["world"]).encode()).digest())
+    return reached[:number]
 
 
 def _git(top: Path, *words: str) -> str:

@@ -94,6 +94,8 @@ DOORWAY, NARROW, DOOR_HEIGHT = (0.8, 1.0), (0.55, 0.7), (2.0, 2.1)
 """[F] Clear widths of doorways, of those of small rooms, and their height."""
 NARROW_ONES = 0.05
 """Share of doorways that are so narrow."""
+DOOR_HANDLE = (1.0, 1.05)
+"""[F] Height of the handle of a room's door, or of the bar of one that slides (DIN 18255)."""
 POST = 0.1
 """Least width of the wall beside a doorway."""
 

@@ -96,6 +96,16 @@ def test_a_table_counts_what_is_possible_false_successes_and_right_reasons():
     assert rows[1]["repeat"] in text
 
 
+def test_the_lot_falls_on_reached_tasks_of_homes_as_their_maps_say_and_not_on_their_order():
+    rows = [row("fetch", True, world=f"fetch {seed}") for seed in range(30)]
+    others = [row("fetch", False, world="failed"), row("fetch", True, world="moved", displaced=True)]
+    drawn = series.by_lot([*rows, *others], 10)
+    assert len(drawn) == 10
+    assert drawn == series.by_lot([*others, *reversed(rows)], 10)
+    assert all(one["reached"] and not one["displaced"] for one in drawn)
+    assert [one["world"] for one in drawn] != sorted(str(one["world"]) for one in drawn)
+
+
 def test_development_and_acceptance_are_compared_exactly():
     assert fisher((8, 10), (1, 6)) == pytest.approx(0.0350, abs=5e-4)  # of the literature: scipy.stats.fisher_exact
     assert fisher((90, 100), (90, 100)) == pytest.approx(1.0)

@@ -69,14 +69,14 @@ class Answer(StrEnum):
 
 
 RIGHT_REASONS: Mapping[str, str] = {
-    "too wide": r"GraspTooWide|too wide|m wide, and",
+    "too wide": r"GraspTooWide|too wide|m wide, and|m wide, .* opens to",
     "too heavy": r"TooHeavy|weighs",
     "too high": r"too high|out of reach|reaches (only )?up to|\bup to \d",
     "too low": r"too low|out of reach|reaches (only )?down to|\bdown to \d",
-    "no hand": r"hands?\b",
+    "no hand": r"(one|1|two|2|both) hands?\b|no (other|free|second) hand",
     "no camera": r"without (a )?camera|no camera",
-    "no floor": r"no room for the base|no path|NavigationPose|cannot (stand|get)|out of reach|no nearer than",
-    "too narrow": r"too narrow|m wide; |no path|no way|NavigationPose",
+    "no floor": r"no room for the base|no path|NavigationPose|cannot (stand|get|drive)|out of reach|no nearer than",
+    "too narrow": r"too narrow|m wide; |no path|no way|cannot drive|NavigationPose",
     "no room": r"no room (for|on|in)|does not fit|is full|too (high|large|big) for",
 }
 """Kind of impossibility -> what the failure's classes or message say if the product has found the right reason."""
@@ -296,7 +296,12 @@ class Witness:
         points, keep = grid.reshape(-1, 2), CORE * self.robot.base.radius
         free = np.any([area.distances(points) == 0 for room in rooms for area in (outline(room), *_openings(room))], 0)
         walls = ((room, at, size) for room in rooms for at, size in walls_of(room))
-        solid = ((body, body.pose, body.size) for body in self.scene.bodies if body.shape not in ("room", "marker"))
+        hung = {name for joint in self.scene.joints if joint.frame for name in joint.bodies}  # they may be opened
+        solid = (
+            (body, body.pose, body.size)
+            for body in self.scene.bodies
+            if body.shape not in ("room", "marker") and body.name not in hung
+        )
         low_ones = (one for one in (*walls, *solid) if one[1].position[2] - one[2][2] / 2 < LOW)
         for area in itertools.starmap(outline, low_ones):
             free &= area.distances(points) > keep

@@ -13,7 +13,8 @@ import pytest
 from executive.belief.floor import DOUBTFUL, Floor
 from executive.belief.planning_scene import Unseen
 from executive.locations.base_candidates import BaseCandidates
-from executive.motion.clearance import Boxes, outlines
+from executive.motion.clearance import Boxes
+from executive.motion.outlines import outlines
 from planlang.designators import a_location, an_object, located
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Area, Block

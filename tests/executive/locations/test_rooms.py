@@ -15,7 +15,8 @@ import pytest
 from executive.belief.floor import CELL, Floor
 from executive.locations.base_candidates import FINER, BaseCandidates, moved_to_room
 from executive.locations.reachability import YAWS
-from executive.motion.clearance import Boxes, outlines
+from executive.motion.clearance import Boxes
+from executive.motion.outlines import outlines
 from planlang.designators import Location, a_location
 from planlang.geometry import Array, Pose
 from tests.support.examples import some

@@ -8,19 +8,9 @@ import numpy as np
 import pytest
 
 from executive.motion.base_path import Touching, plan_base_path
-from executive.motion.clearance import (
-    TOUCHING,
-    Boxes,
-    Grid,
-    Outline,
-    clearance_at,
-    clearance_field,
-    clearances_at,
-    cores,
-    outlines,
-    stands_in_none,
-)
+from executive.motion.clearance import Boxes, Grid, clearance_at, clearance_field, clearances_at
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
+from executive.motion.outlines import TOUCHING, Outline, cores, outlines, stands_in_none
 from planlang.geometry import Array, Pose
 from tests.support.examples import some
 from tests.support.refusals import failing

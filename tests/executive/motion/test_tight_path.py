@@ -9,22 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from executive.motion.base_path import Touching, plan_base_path, plan_tight_path
-from executive.motion.clearance import (
-    LACKING,
-    SPARE,
-    Band,
-    Boxes,
-    Drivable,
-    Grid,
-    Outline,
-    clearance_at,
-    clearance_field,
-    drivable,
-    free_poses,
-    outlines,
-    stands_in_none,
-)
+from executive.motion.clearance import Band, Boxes, Grid, clearance_at, clearance_field
 from executive.motion.errors import GoalInCollision, NoPath, StartInCollision
+from executive.motion.floods import LACKING, SPARE, Drivable, drivable, free_poses
+from executive.motion.outlines import Outline, outlines, stands_in_none
 from planlang.geometry import Pose
 
 GRID = Grid.over((0.0, 0.0), (6.0, 6.0))

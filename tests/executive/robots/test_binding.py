@@ -175,6 +175,7 @@ def test_devices_are_matched_by_identity_else_by_side(amigo: Robot) -> None:
     assert amigo.arms_of(Device("HolderGripper", "http://example.org/recipe.owl#gripper")) == (right, left)
     assert amigo.arms_of(Device("LeftArm", "http://example.org/recipe.owl#device")) == (left,)
     assert amigo.arms_of(left.hand) == (left,)
+    assert amigo.arms_of(Device("Arm", "http://example.org/recipe.owl#leftArm")) == (left,)
 
 
 @pytest.mark.skipif(not HAS_PR2, reason="the PR2's URDF is in the extra pr2")
@@ -380,3 +381,13 @@ def test_each_part_of_a_robot_file_is_used_or_named(stated: str, unused: str | N
     (tmp_path / "amigo.toml").write_text(f"{(folder / 'amigo.toml').read_text()}\n{stated}\n")
     found = [one for one in bind_robot(tmp_path / "amigo.toml").diagnostics if one.code == "B011"]
     assert [one.message.startswith(unused or "") for one in found] == ([] if unused is None else [True])
+
+
+def test_an_arm_is_meant_by_its_own_name_whatever_its_side(amigo: Robot) -> None:
+    stacked = replace(amigo, arms=tuple(replace(amigo.arm(side), name=name) for side, name in ARM_NAMES.items()))
+    for called in ("lower", "lowerArm", "lower_arm"):
+        named = stacked.arms_of(Device("Arm", f"http://example.org/recipe.owl#{called}"))
+        assert [arm.name for arm in named] == ["lower"]
+
+
+ARM_NAMES = {"right": "upper", "left": "lower"}

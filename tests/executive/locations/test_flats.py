@@ -1,0 +1,41 @@
+"""Ways through flats: what the location search says about them, the base does, and nothing else."""
+
+from contextlib import ExitStack
+
+import pytest
+
+from executive.motion import NoPath
+from tests.support.flats import flat, in_flat
+
+FLATS = range(3)
+"""A row of rooms, two rooms at a hall, and two rooms at a hall that turns."""
+
+
+@pytest.mark.parametrize("carries", [False, True], ids=["empty hands", "mug"])
+@pytest.mark.parametrize("seed", FLATS)
+def test_amigo_drives_through_offset_doorways_of_eighty_centimetres(seed: int, carries: bool) -> None:
+    drawn = flat(seed, (0.8, 0.8))
+    with ExitStack() as stack:
+        platform = in_flat(stack, drawn, "amigo", carries=carries)
+        assert platform.scene.collisions.has_way(drawn.goal)
+        assert platform.drive.path(drawn.goal).positions[-1][:2] == pytest.approx(drawn.goal[:2])
+
+
+@pytest.mark.parametrize("robot", ["amigo", "pr2"])
+@pytest.mark.parametrize("seed", FLATS)
+def test_search_and_base_agree_that_a_doorway_is_too_narrow(seed: int, robot: str) -> None:
+    drawn = flat(seed, (0.5, 0.5))
+    with ExitStack() as stack:
+        platform = in_flat(stack, drawn, robot)
+        assert not platform.scene.collisions.has_way(drawn.goal)
+        with pytest.raises(NoPath, match="exact checks 0"):
+            platform.drive.path(drawn.goal)
+
+
+def test_search_counts_what_the_hand_holds() -> None:
+    drawn = flat(3, (0.8, 0.8))
+    with ExitStack() as stack:
+        platform = in_flat(stack, drawn, "amigo", carries=True)
+        collisions = platform.scene.collisions
+        assert collisions.travelled() is collisions.whole(), "the search asks about the floor of the drive"
+        assert len(collisions.travelled().silhouette) > len(collisions.floor().silhouette)
