@@ -31,6 +31,8 @@ IN_A_ROW = 4
 """Consecutive failures of lanes, or halves of lanes, before wiping stops: the remaining ones are farther away."""
 HERE = 4
 """The same limit for one base pose."""
+BESIDE = 0.15
+"""Distance from a lane that failed within which others are tried last: they most likely fail as well [m]."""
 ENOUGH = 0.8
 """Least share of the free area to wipe."""
 
@@ -46,10 +48,11 @@ class Wiping(StrokeWork):
         """Wipe the surface; return (), as no constraint is dropped. Raises ConstraintsUnsatisfied below ENOUGH.
 
         The lanes that the arm reaches most easily come first; from each base pose, all lanes within reach are wiped. If
-        a lane fails, its halves are tried.
+        a lane fails, its halves are tried, after the lanes that are not beside it.
         """
         grounding, motion = await self.begun(action)
         plane, problems, wiped, in_a_row = Plane.of(motion, action), list[PlanFailure](), list[Array](), 0
+        failed: list[Array] = []
         await self._look_from_near(grounding, plane, motion)
         motion = grounding.grounded()
         stroke = partial(self.stroke, grounding, plane, closed=False)
@@ -62,10 +65,12 @@ class Wiping(StrokeWork):
             try:
                 await self.gone(motion, await stroke(lane))
             except (ConstraintsUnsatisfied, ManipulationGoalInCollision, NavigationFailure) as failure:
-                problems, in_a_row = [*problems, failure], in_a_row + 1
+                problems, in_a_row, failed = [*problems, failure], in_a_row + 1, [*failed, lane]
                 places = lane[1:-1, :3]
                 halves = map(lifted, np.array_split(places, 2)) if len(places) > SHORT else ()
-                pending = self._nearest_first(plane, motion, (*pending, *halves))
+                pending = sorted(
+                    self._nearest_first(plane, motion, (*pending, *halves)), key=partial(_by_failed, failed)
+                )
                 continue
             done = [lane, *await self._from_here(stroke, motion, lane, pending)]
             pending = [one for one in pending if not any(one is other for other in done)]
@@ -141,7 +146,7 @@ class Wiping(StrokeWork):
             f"{obstacle} is in the way"
             if obstacle is not None
             else too_far(arm, "the rest", nearest)
-            or f"no posture of {called(arm.name)} was found that holds {self.tool(motion)} flat on the rest"
+            or f"no posture of {called(arm.name)} was found that holds {self.tool(motion)} flat where it was tried"
         )
         message = f"{share:.0%} of {name} was wiped instead of at least {ENOUGH:.0%}: {reason}"
         return ConstraintsUnsatisfied(message, arm=arm.name, what=name, blocked_by=obstacle)
@@ -152,3 +157,9 @@ class Wiping(StrokeWork):
         width, length = sorted(self.platform.scene.world.size(self.tool(motion)))[1:]
         surface = Surface(self.platform, name, motion.things[plane.thing], middle, normal, plane.axes())
         return surface.room(width, length)
+
+
+def _by_failed(failed: Sequence[Array], lane: Array) -> bool:
+    """Check whether the middle of a lane is beside that of one that failed."""
+    middles = np.array([one[:, :3].mean(axis=0) for one in failed])
+    return bool(np.linalg.norm(middles - lane[:, :3].mean(axis=0), axis=1).min() < BESIDE)

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from executive.modules.tools.lanes import HAND, Surface
+from executive.runs.options import Outcome, RunOptions
+from executive.runs.plan_run import run_plan_file
+from planlang.files import bundled
 from planlang.geometry import Array, Pose
 from sim import Body
 from tests.executive.conftest import MakeStage
@@ -54,3 +59,13 @@ def test_all_that_is_free_between_things_is_wiped_though_it_is_narrow(make_stage
     room = Surface(stage.platform, "table", pose, 0.35 * z, z, (x, y)).room(WIDTH, LENGTH)
     assert room.share(list(room.lanes()), room) > 0.9
     assert room.share(list(room.lanes())[:1], room) < 0.5
+
+
+@pytest.mark.long
+def test_lanes_that_no_posture_reaches_do_not_keep_the_others_from_being_wiped() -> None:
+    """The lanes at the wall come first, and the PR2's arm has no room there."""
+    folder = Path(__file__).parents[2] / "strangers" / "wipe_side_table"
+    home = folder / "home_pr2_4811_004.omn"
+    robot = bundled("ontologies") / "robots" / "pr2.toml"
+    result = run_plan_file(RunOptions(recipe=home.with_suffix(".r.omn"), robot=robot, environment=home))
+    assert result.outcome is Outcome.DONE, result.message
