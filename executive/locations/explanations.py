@@ -54,10 +54,12 @@ def explain_bases(
     inverse: InverseMaps,
     question: Question,
     is_feasible: IsFeasible | None,
+    once_moved: IsFeasible | None = None,
     needed: Collection[str] = (),
 ) -> None:
     """Add to the log's figures what was measured about the decisive reason, and what would help.
 
+    ``is_feasible`` and ``once_moved`` are asked about changes of the map, and about doors that the robot moves itself.
     The ``needed`` bodies are part of the location or the plan: leaving them out helps nobody.
     """
     log = question.log
@@ -78,7 +80,7 @@ def explain_bases(
     # what closes the way is named already, and nothing that is done to the thing opens it
     if is_feasible is not None and not (reason == NO_WAY and explanation.closing is not None):
         changes = Changes(wanted[0].body, scene, log, is_feasible, needed=needed)
-        log.first, helping = changes.by_the_robot()
+        log.first, helping = changes.by_the_robot(once_moved or is_feasible)
         helping = helping or changes.helping()
     if not helping and (instead := explanation.excluded() or explanation.no_hold()):
         measured = instead
