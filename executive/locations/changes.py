@@ -192,9 +192,13 @@ class Changes:
         fixed |= {name for joint in joints if self.body in joint.bodies for name in joint.bodies}
         fixed |= {*(joint.holder for joint in joints if joint.holder is not None), *self.scene.belief.state.carried()}
         blocking = [name for name in self.log.ordered_blocking() if name not in fixed and name in bodies.names()]
-        for name in blocking[:MOST_TRIED]:
+        return self.without_one_of(blocking, fixed)
+
+    def without_one_of(self, names: Iterable[str], fixed: Collection[str] = ()) -> str:
+        """Name the first of some bodies whose removal helps, with what stands on it; ``fixed`` bodies stay."""
+        for name in islice(names, MOST_TRIED):
             leaf, riders = self.scene.belief.joints.get(name), self.scene.world.standing_on(name)
-            gone = {name, *riders, *(leaf.bodies if leaf is not None else ())} - fixed
+            gone = {name, *riders, *(leaf.bodies if leaf is not None else ())}.difference(fixed)
             if self._helps(dict.fromkeys(sorted(gone))):
                 further = ", and opened further, too" if name in self._opened_in_vain else ""
                 open_leaf = f"{name} is in the way as it is open{further}: " if leaf is not None else ""

@@ -77,11 +77,14 @@ def explain_bases(
     }
     measured = makers[reason]() if reason in makers else ""
     helping = ""
-    # what closes the way is named already, and nothing that is done to the thing opens it
-    if is_feasible is not None and not (reason == NO_WAY and explanation.closing is not None):
+    if is_feasible is not None:
         changes = Changes(wanted[0].body, scene, log, is_feasible, needed=needed)
-        log.first, helping = changes.by_the_robot(once_moved or is_feasible)
-        helping = helping or changes.helping()
+        # where something closes the way, nothing that is done to the thing opens it
+        if closing := explanation.closing() if reason == NO_WAY else ():
+            helping = changes.without_one_of(closing)
+        else:
+            log.first, helping = changes.by_the_robot(once_moved or is_feasible)
+            helping = helping or changes.helping()
     if not helping and (instead := explanation.excluded() or explanation.no_hold()):
         measured = instead
     if measured or helping:
@@ -278,13 +281,11 @@ class _Explanation:
         return f"none of the {number} candidates is {met}: another place or relation is needed"
 
     def no_way(self) -> str:
-        """Name the body that blocks the path to where the base would have to stand."""
-        sentence = f"the base cannot drive to where it could reach {self.reach.body}"
-        return f"{sentence}; without {self.closing} it could" if self.closing is not None else sentence
+        """Say that no path leads to where the base would have to stand."""
+        return f"the base cannot drive to where it could reach {self.reach.body}"
 
-    @cached_property
-    def closing(self) -> str | None:
-        """Body without which the base could drive to where arms reach the thing; None if there is none."""
+    def closing(self) -> tuple[str, ...]:
+        """Bodies without which, one at a time, the base could drive to where arms may reach the thing."""
         block = self.scene.bodies.block(self.reach.body)
         place = np.array([block.x, block.y])
         bodies, within = self.scene.bodies, max(self.inverse(arm, one).reach for arm in self.arms for one in CLASSES)

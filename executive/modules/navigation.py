@@ -164,7 +164,7 @@ class Navigation(PlatformModule):
             if (touched := self.platform.belief.memory.met) is not None:
                 raise NavigationGoalNotReached(target=goal, blocked_by=touched) from problem
             closing = self.platform.scene.collisions.closes_way(np.array(goal[:2]), AT_GOAL)
-            raise NavigationPoseUnreachable(target=goal, blocked_by=closing) from problem
+            raise NavigationPoseUnreachable(target=goal, blocked_by=next(iter(closing), None)) from problem
 
 
 def _blocking(problem: GoalInCollision | StartInCollision) -> str | None:
