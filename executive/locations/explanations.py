@@ -267,10 +267,10 @@ class _Explanation:
         return f"in {share} ways to reach {self.reach.body} the robot would hit {obstacle}"
 
     def no_room(self) -> str:
-        """Describe how near the base gets."""
+        """Describe how near the base gets, and how far arms reach if that is not enough."""
         if self.reach.kind is ReachKind.OFFER:
             return ""
-        return self._nearest(self._gap())
+        return self._too_far() or self._nearest(self._gap())
 
     def excluded(self) -> str:
         """Return that a relation of the location leaves none of the candidates; "" if others left some out, too."""
