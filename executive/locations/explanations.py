@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from executive.belief.doorways import NarrowDoorway, narrow_doorway
 from executive.belief.floor import CELL as FLOOR_CELL
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
@@ -76,7 +77,7 @@ def explain_bases(
     measured = makers[reason]() if reason in makers else ""
     helping = ""
     # what closes the way is named already, and nothing that is done to the thing opens it
-    if is_feasible is not None and not (reason == NO_WAY and explanation.closing is not None):
+    if is_feasible is not None and not (reason == NO_WAY and (explanation.narrow or explanation.closing) is not None):
         changes = Changes(wanted[0].body, scene, log, is_feasible, needed=needed)
         log.first, helping = changes.by_the_robot()
         helping = helping or changes.helping()
@@ -276,9 +277,16 @@ class _Explanation:
         return f"none of the {number} candidates is {met}: another place or relation is needed"
 
     def no_way(self) -> str:
-        """Name the body that blocks the path to where the base would have to stand."""
+        """Name the doorway or body because of which no path leads to where the base would have to stand."""
         sentence = f"the base cannot drive to where it could reach {self.reach.body}"
+        if self.narrow is not None:
+            return f"{sentence}: {self.narrow}"
         return f"{sentence}; without {self.closing} it could" if self.closing is not None else sentence
+
+    @cached_property
+    def narrow(self) -> NarrowDoorway | None:
+        """Doorway on the way to the thing through which the robot does not fit; None if there is none."""
+        return narrow_doorway(self.scene, self.scene.bodies.block(self.reach.body).centre[:2])
 
     @cached_property
     def closing(self) -> str | None:
