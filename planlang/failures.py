@@ -342,7 +342,7 @@ class BehindClosedDoor(LocationUnresolvable):
 
     def because(self) -> str:
         """``bottle1 is behind door1, which is closed``."""
-        return f"{self.what} is behind {self.door}, which is closed"
+        return f"{self.what} is {'' if self.what == str(self.door) else f'behind {self.door}, which is '}closed"
 
 
 @dataclass(eq=False, repr=False)

@@ -112,9 +112,17 @@ def attach_cleanup(error: BaseException, failures: Iterable[PlanFailure]) -> Non
         error.add_note(f"during cleanup: {type(other).__name__}: {other}{f' in {other.where}' if other.where else ''}")
 
 
+_BASE = ("x", "y", "yaw")
+"""Parts of a pose of the base [m, rad]."""
+
+
 def _field(name: str, value: object) -> str:
     if name == "arm" and isinstance(value, str):  # the only arm of a robot is called so, which tells nothing
         return f"{value.removesuffix('arm').rstrip('_ ')} arm" if value != "arm" else ""
+    if name == "target" and isinstance(value, tuple) and len(value) == len(_BASE):
+        return " ".join(
+            ("target", *(f"{axis} {round(number, 2):g}" for axis, number in zip(_BASE, value, strict=True)))
+        )
     return f"{name.replace('_', ' ')} {_plain(value)}"
 
 

@@ -250,6 +250,7 @@ async def _made_way(failure: PlanFailure) -> RecoveryResult:
 def step_back_and_repeat(what: Object) -> Do:
     """Drive one step back with the arms in their driving posture, look at the object, then run the body again.
 
+    Where the search has found that something else makes a way, such as closing a drawer beside, that is done instead.
     That no hand is free propagates at once: a step back frees none, and what is put down may be what the plan is for.
     Touches and sightings on the way change the next plan: how far a door has opened, what blocks it. If a search fails
     twice with the same result, nothing has changed, and the failure propagates.
@@ -267,6 +268,8 @@ def step_back_and_repeat(what: Object) -> Do:
                 if found in searched:
                     return PROPAGATE
                 searched.add(found)
+        if await _made_way(failure) == RETRY:
+            return RETRY
         with suppress(LowLevelFailure):  # without room to step back the body may still succeed
             await perform(action("SteppingBack"))
         await _sees(what)

@@ -53,10 +53,18 @@ class Choice:
         """Check whether this performance is about the thing that the steps before it were about."""
         if self.last is None:
             return False
+        if self.last in self._had_in_group():
+            return False
         again = any(one.aim == self.aim and one.name == self.last for one in self.had if one.turn == self.turn)
         if (again or self.lasts) and self.is_done(self.last):
             return False
         return not again or self.performance.is_retry
+
+    def _had_in_group(self) -> set[str]:
+        """Collect what performances were about that all have to be about different things, this one included."""
+        group, step = self.performance.group, self.performance.step
+        together = (one for one in self.had if one.step == step and one.performance.rpartition("/")[0] == group)
+        return {one.name for one in together}
 
     def among(self, things: Sequence[str], held: Collection[str]) -> list[str]:
         """Select the best of the things of a class: not done, not had by others, in the hand, not had before.
@@ -65,13 +73,14 @@ class Choice:
         """
         mine = {one.name for one in self.had if one.aim == self.aim}
         by_others = {one.name for one in self.had if one.aim == self.aim and one.step != self.performance.step}
-        undone = [name for name in things if not self.is_done(name)]
+        in_group = self._had_in_group()
+        undone = [name for name in things if name not in in_group and not self.is_done(name)]
         free = [name for name in undone if name not in by_others] or (undone if self.performance.is_round else [])
         if not free and things and mine:
             step = self.performance.step.rpartition("/")[2].partition(" ")[0]
-            told = f"no {self.what} is left for {step}: {', '.join(things)} are done, by it or another step"
+            told = f"no {self.what} is left for {step}: done already with {', '.join(things)}"
             raise ObjectUnresolvable(told, designator=str(self.what))
-        best = free or list(things)
+        best = free or [name for name in things if name not in in_group]
         if self.lasts and (carried := [name for name in best if name in held]):
             return carried
         avoided = mine if self.purpose is not None or self.performance.is_round else set[str]()

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import NamedTuple
 
 from planlang.action_conditions import Pattern, declared
-from planlang.designators import Action, Condition, Location, Object, resting_on, snake_case
+from planlang.designators import Action, Condition, Location, Object, Relation, resting_on, snake_case
 from planlang.failures import DesignatorFailure
 from planlang.ontology import Ontology, expand
 
@@ -74,8 +75,21 @@ class Purposes:
         return purpose is not None and all(self._holds(aim, what, thing) for aim in purpose.aims)
 
     def is_at(self, where: Location, thing: Object) -> bool:
-        """Check whether a thing is at a location by itself, in no hand."""
-        return self._decides(LOCATED, where, thing) and not self._decides(HOLDING, thing)
+        """Check whether a thing is at a location by itself, in no hand; of what that names by class, any will do."""
+        if self._decides(HOLDING, thing):
+            return False
+        if any(one.iri is None for one in where.objects()):
+            ways = [self._individually(relation) for relation in where.relations]
+            return all(any(self._decides(LOCATED, Location((one,)), thing) for one in way) for way in ways)
+        return self._decides(LOCATED, where, thing)
+
+    def _individually(self, relation: Relation) -> Iterator[Relation]:
+        """Yield a relation to each individual of the class that it refers to, or the relation as it is."""
+        match relation.references:
+            case (Object(iri=None) as what,):
+                yield from (replace(relation, references=(one,)) for one in self._individuals(what))
+            case _:
+                yield relation
 
     def _patterns(self, action: Action) -> Iterator[Pattern]:
         """Yield the conditions that an action brings about whatever was before, if they can be decided."""

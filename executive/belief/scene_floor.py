@@ -167,15 +167,15 @@ class SceneFloor(ScenePart):
         start = self._world.configuration().base
         return drivable(start, grid, lacking) if slack > 0.0 else drivable(start, grid, free, spare)
 
-    def closes_way(self, place: Array, within: float, fixed: Collection[str] = ()) -> str | None:
-        """Find the body without which the base could reach most additional floor ``within`` [m] of a position (2,).
+    def closes_way(self, place: Array, within: float, fixed: Collection[str] = ()) -> tuple[str, ...]:
+        """Find bodies without which, one at a time, the base could reach more floor ``within`` [m] of a position (2,).
 
-        What drives by itself comes first, as it may leave. None if no body makes a difference. Only the bodies nearest
-        to the straight line are tried, none of ``fixed``.
+        What drives by itself comes first, as it may leave, then that which closes most. Empty if no body makes a
+        difference. Only the bodies nearest to the straight line are tried, none of ``fixed``.
         """
         reachable = self.drivable()
         if reachable.beyond:
-            return None
+            return ()
         base, cells = self._world.configuration().base, reachable.near(place, within)
         boxes, names = self.boxes_but(())
         line = np.linspace(base[:2], place, 20)
@@ -188,8 +188,8 @@ class SceneFloor(ScenePart):
             for name in list(nearest)[:MOST_REMOVED]
         }
         movers = {one.body for one in self._world.scene.movers}
-        best = max(gains, key=lambda name: (gains[name] > 0 and name in movers, gains[name]), default=None)
-        return best if best is not None and gains[best] > 0 else None
+        closing = [name for name, gain in gains.items() if gain > 0]
+        return tuple(sorted(closing, key=lambda name: (name not in movers, -gains[name])))
 
     def _without(self, body: str) -> Floor:
         """Compute the floor that would be free for the robot as it drives without a body."""

@@ -6,7 +6,7 @@ from typing import Any
 
 from executive import api
 from executive.cli.authoring_arguments import CompileArguments
-from executive.cli.console import Answer, ExitCode
+from executive.cli.console import Answer, ExitCode, waiting
 from executive.commands.compile import CONFLICT
 from planlang.plan_versions import backup_path
 
@@ -14,7 +14,8 @@ from planlang.plan_versions import backup_path
 def command(arguments: CompileArguments) -> Answer:
     """Compile a recipe; raises BadInput."""
     output, graph = arguments.output, arguments.graph
-    plan = api.compile(arguments)
+    with waiting(arguments, lambda: "compiling the recipe"):
+        plan = api.compile(arguments)
     has_conflicts = any(one.code == CONFLICT for one in plan.diagnostics)
     data: dict[str, Any] = {"task": plan.task, "functions": list(plan.functions)}
     data |= {"graph": str(graph)} if graph is not None else {}

@@ -11,7 +11,9 @@ from executive.cli.console import Answer, ExitCode, progress_of, waiting
 
 def command(arguments: LocateArguments) -> Answer:
     """Find poses; raises BadInput for what cannot be understood or used."""
-    located = api.locate(arguments, long_work=progress_of(arguments), waiting=partial(waiting, arguments))
+    at_work = partial(waiting, arguments)
+    with at_work(lambda: "reading the map and the robot"):  # up to the search
+        located = api.locate(arguments, long_work=progress_of(arguments), waiting=at_work)
     data = located.as_json()
     if arguments.explain is not None and located.drawn is not None:
         data["picture"] = str(arguments.explain)

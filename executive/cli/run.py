@@ -15,16 +15,18 @@ from planlang.progress import unreported, unwatched
 
 def command(arguments: RunArguments, *, recipes: tuple[Path, ...] = ()) -> Answer:
     """Run or resume a plan; ``recipes`` are further files with recipes of its steps. Raises BadInput."""
+    at_work = unwatched if arguments.watch_tree else partial(waiting, arguments)
     options = RunOptions.of(
         arguments,
         recipes=recipes,
         inner_actions=arguments.verbose,
         progress=silent if arguments.watch_tree else printer_of(arguments),
         long_work=unreported if arguments.watch_tree else progress_of(arguments),
-        waiting=unwatched if arguments.watch_tree else partial(waiting, arguments),
+        waiting=at_work,
         announce=silent if arguments.json else partial(show, detail=arguments.detail),
     )
-    result = api.run(options)
+    with at_work(lambda: "preparing the run"):  # up to its first line
+        result = api.run(options)
     return _answer(result, result.diagnostics if arguments.json else ())  # otherwise they were announced
 
 

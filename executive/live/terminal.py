@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, TextIO
 
 from rich.console import Console
@@ -61,19 +61,21 @@ class TerminalTree:
         ends = (time for node in self._run.numbered.values() for time in (node.start, node.end) if time is not None)
         shown = Tree(Text(f"plan time {max(ends, default=0.0):.2f} s", "bold"), guide_style="dim")
         rows = list(self._rows(self._run.roots, 0))
-        left_out = max(0, len(rows) - room)
+        reasons, left_out = _reasons(rows), max(0, len(rows) - room)
         places: dict[int, Tree] = {-1: shown}
         if left_out:
             shown.add(Text(f"{left_out} earlier lines", "dim"))
         for depth, node in rows[left_out:]:
             above = next(places[one] for one in range(depth - 1, -2, -1) if one in places)
             places = {one: place for one, place in places.items() if one < depth}
-            places[depth] = above.add(_line(node))
+            places[depth] = above.add(_line(node, reasons[node.number]))
         return shown
 
     def lines(self) -> Iterator[str]:
         """Yield the whole view as plain text."""
-        yield from (f"{'  ' * depth}{_line(node).plain}" for depth, node in self._rows(self._run.roots, 0))
+        rows = list(self._rows(self._run.roots, 0))
+        reasons = _reasons(rows)
+        yield from (f"{'  ' * depth}{_line(node, reasons[node.number]).plain}" for depth, node in rows)
 
     def _rows(self, nodes: Iterable[TaskNode], depth: int) -> Iterable[tuple[int, TaskNode]]:
         """Yield visible nodes with their depths."""
@@ -85,12 +87,24 @@ class TerminalTree:
                 yield from self._rows(node.children, depth + is_drawn)
 
 
-def _line(node: TaskNode) -> Text:
+def _reasons(rows: Sequence[tuple[int, TaskNode]]) -> dict[int, str]:
+    """Failures to tell, by the numbers of nodes: of nested tasks that fail for one reason, the innermost tells it."""
+    reasons: dict[int, str] = {}
+    around: list[tuple[int, TaskNode]] = []
+    for depth, node in rows:
+        around = [(other, one) for other, one in around if other < depth]
+        reasons.update((one.number, "") for _, one in around if one.reason == node.reason)
+        reasons[node.number] = node.reason
+        around.append((depth, node))
+    return reasons
+
+
+def _line(node: TaskNode, reason: str) -> Text:
     style = _STYLES.get(node.status, "")
     line = Text(visible(f"{_MARKS.get(node.status, ' ')} {node.action or node.name}", breaks=""), style)
     if node.start is not None:
         end = f"{node.end - node.start:.2f} s" if node.end is not None else "..."
         line.append(f"  {end}", "dim")
-    if node.failure is not None:
-        line.append(visible(f"  {node.failure['type']}: {node.failure['message']}"), "red")
+    if reason:
+        line.append(visible(f"  {reason}"), "red")
     return line

@@ -84,7 +84,7 @@ class Changes:
         self.body, self.scene, self.log, self._is_feasible, self._needed = body, scene, log, is_feasible, needed
         self._is_movable = scene.bodies.is_movable(body) or not {*parts} <= {body}
         self._along = {*parts, *(scene.world.standing_on(body) if self._is_movable else ())} - {body}
-        self._left = MOST_SEARCHES
+        self._left, self._in_vain = MOST_SEARCHES, list[str]()
 
     def helping(self) -> str:
         """Describe a change that helps: another robot away, the thing at an edge, without a body, or let down."""
@@ -140,7 +140,9 @@ class Changes:
         ways = ((side, steps) for side, steps in self._ways_to_edges(support) if steps)
         chosen = ((side, steps) for side, steps in ways if towards is None or float(towards @ side) >= TOWARDS)
         for side, steps in islice(chosen, MOST_EDGES):
-            if not self._helps_at(self._moved(side, steps[-1])):
+            farthest = self._moved(side, steps[-1])
+            if not self._helps_at(farthest):
+                self._in_vain.append("{} at x = {:.2f}, y = {:.2f}".format(self.body, *farthest.position))
                 continue
             # the last step helps: bisect for the first that does
             first = bisect_left(steps, True, key=lambda step: self._helps_at(self._moved(side, step)))
@@ -148,6 +150,11 @@ class Changes:
             x, y, _ = self._moved(side, step).position
             return f"moved {step:.2f} m, to x = {x:.2f}, y = {y:.2f}, {self.body} could be reached"
         return ""
+
+    def none_found(self) -> str:
+        """Say that no change was found that helps, and to where the thing was moved for trial."""
+        tried = f"; tried: {', '.join(self._in_vain)}" if self._in_vain else ""
+        return f"no simple change was found that would help{tried}"
 
     def _ways_to_edges(self, support: str) -> Iterator[tuple[Array, list[float]]]:
         """Yield directions (2,) to edges at which the base can stand, the nearest first, with free steps [m]."""
@@ -183,9 +190,13 @@ class Changes:
         fixed |= {name for joint in joints if self.body in joint.bodies for name in joint.bodies}
         fixed |= {*(joint.holder for joint in joints if joint.holder is not None), *self.scene.belief.state.carried()}
         blocking = [name for name in self.log.ordered_blocking() if name not in fixed and name in bodies.names()]
-        for name in blocking[:MOST_TRIED]:
+        return self.without_one_of(blocking, fixed)
+
+    def without_one_of(self, names: Iterable[str], fixed: Collection[str] = ()) -> str:
+        """Name the first of some bodies whose removal helps, with what stands on it; ``fixed`` bodies stay."""
+        for name in islice(names, MOST_TRIED):
             leaf, riders = self.scene.belief.joints.get(name), self.scene.world.standing_on(name)
-            gone = {name, *riders, *(leaf.bodies if leaf is not None else ())} - fixed
+            gone = {name, *riders, *(leaf.bodies if leaf is not None else ())}.difference(fixed)
             if self._helps(dict.fromkeys(sorted(gone))):
                 open_leaf = f"{name} is in the way as it is open: " if leaf is not None else ""
                 return f"{open_leaf}without {name}{' and what stands on it' if riders else ''} this would work"

@@ -76,11 +76,14 @@ def explain_bases(
     }
     measured = makers[reason]() if reason in makers else ""
     helping = ""
-    # what closes the way is named already, and nothing that is done to the thing opens it
-    if is_feasible is not None and not (reason == NO_WAY and (explanation.narrow or explanation.closing) is not None):
+    if is_feasible is not None and not (reason == NO_WAY and explanation.narrow is not None):
         changes = Changes(wanted[0].body, scene, log, is_feasible, needed=needed)
-        log.first, helping = changes.by_the_robot()
-        helping = helping or changes.helping()
+        # where something closes the way, nothing that is done to the thing opens it
+        if closing := explanation.closing() if reason == NO_WAY else ():
+            helping = changes.without_one_of(closing)
+        else:
+            log.first, helping = changes.by_the_robot()
+            helping = helping or changes.helping()
     if not helping and (instead := explanation.excluded() or explanation.no_hold()):
         measured = instead
     if measured or helping:
@@ -277,20 +280,17 @@ class _Explanation:
         return f"none of the {number} candidates is {met}: another place or relation is needed"
 
     def no_way(self) -> str:
-        """Name the doorway or body because of which no path leads to where the base would have to stand."""
+        """Say that no path leads to where the base would have to stand, and which doorway is too narrow."""
         sentence = f"the base cannot drive to where it could reach {self.reach.body}"
-        if self.narrow is not None:
-            return f"{sentence}: {self.narrow}"
-        return f"{sentence}; without {self.closing} it could" if self.closing is not None else sentence
+        return sentence if self.narrow is None else f"{sentence}: {self.narrow}"
 
     @cached_property
     def narrow(self) -> NarrowDoorway | None:
         """Doorway on the way to the thing through which the robot does not fit; None if there is none."""
         return narrow_doorway(self.scene, self.scene.bodies.block(self.reach.body).centre[:2])
 
-    @cached_property
-    def closing(self) -> str | None:
-        """Body without which the base could drive to where arms reach the thing; None if there is none."""
+    def closing(self) -> tuple[str, ...]:
+        """Bodies without which, one at a time, the base could drive to where arms may reach the thing."""
         block = self.scene.bodies.block(self.reach.body)
         place = np.array([block.x, block.y])
         bodies, within = self.scene.bodies, max(self.inverse(arm, one).reach for arm in self.arms for one in CLASSES)

@@ -47,12 +47,13 @@ from executive.locations.questions import (
     Findings,
     Question,
 )
-from executive.locations.rejections import NOT_VISIBLE, Rejections, unmet
+from executive.locations.rejections import NO_WAY, NOT_VISIBLE, Rejections, unmet
 from executive.locations.search import search_bases
+from executive.locations.shut_ways import shut_on_the_way
 from executive.locations.validation import BaseValidator
 from executive.robots.arms import ArmModel
 from planlang.designators import Device, Location, Object
-from planlang.failures import DesignatorFailure, LocationUnresolvable, MissingCapability, PlanFailure
+from planlang.failures import BehindClosedDoor, DesignatorFailure, LocationUnresolvable, MissingCapability, PlanFailure
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Clear, Facing, Region
 from planlang.kept import Latest
@@ -126,8 +127,9 @@ class Resolver:
 
     def _reported(self, location: Location, found: Iterator[Solution]) -> Iterator[Solution]:
         """Report a search for base poses while it works on the next one."""
+        things = ", ".join(dict.fromkeys(map(str, location.things()))) or str(location)
         while True:
-            self._report(f"searching for a place to stand for {location}", math.nan)
+            self._report(f"searching for a place to stand for {things}", math.nan)
             try:
                 solution = next(found, None)
             finally:
@@ -167,6 +169,7 @@ class Resolver:
         yield from self._found(demand, question, found)
         if not found:
             validator.check_doors(validator.wanted(demand), location, question.log)
+            self._check_way(location, demand, question.log)
         findings = Findings(Allowance(EASY_CHECKS, EASY_SOLVED), walled=question.known.walled)
         if not found and (excluding := self._excluding(demand, findings, question.log)) is not None:
             # what is said of the thing to reach would lead astray: it can be reached
@@ -177,6 +180,13 @@ class Resolver:
         meant = bodies_meant(location, actions_around(), scene)
         explain_bases(validator.wanted(demand), validator.arms(demand), scene, self.maps, question, is_feasible, meant)
         raise question.log.failure(location, after=len(found))
+
+    def _check_way(self, location: Location, demand: BaseDemand, log: Rejections) -> None:
+        """Raise BehindClosedDoor if the base cannot drive there because a door between rooms is shut."""
+        door = shut_on_the_way(self.scene, partial(self.is_possible, location)) if log.counts[NO_WAY] else None
+        if door is not None:
+            names = (*(reach.body for reach in demand.reaches), *(one.name for one in location.things()), str(location))
+            raise BehindClosedDoor(designator=str(location), what=names[0], door=self.scene.bodies.designator(door))
 
     def _question(self, location: Location) -> Question:
         """Start a new question about a location."""

@@ -167,7 +167,7 @@ class Navigation(PlatformModule):
             if (narrow := narrow_doorway(self.platform.scene, np.array(goal[:2]))) is not None:
                 raise NavigationPoseUnreachable(str(narrow), target=goal, blocked_by=narrow.name) from problem
             closing = self.platform.scene.collisions.closes_way(np.array(goal[:2]), AT_GOAL)
-            raise NavigationPoseUnreachable(target=goal, blocked_by=closing) from problem
+            raise NavigationPoseUnreachable(target=goal, blocked_by=next(iter(closing), None)) from problem
 
 
 def _blocking(problem: GoalInCollision | StartInCollision) -> str | None:

@@ -232,6 +232,8 @@ class BodyWriter:
             more["otherwise"] = self._write.alternatives(node.calls)
         elif node.once:
             more["once"] = "True"
+        if node.times > 1:
+            more["times"] = str(node.times)
         return call(self._symbols.use("perform"), self._write.action(node.action), **more)
 
     def _branch(self, node: Node, depth: int, key: str | None = None) -> tuple[list[str], Expression]:

@@ -227,10 +227,10 @@ class Steps:
         elif step.recipes:
             calls = tuple(self._call(recipe, step, callee) for callee in step.recipes)
             label = step.label if self._actions.is_standard(step) else None  # other recipes have labels of their own
-            node = Call(step.name, self._terms.action(recipe, step), calls, step.iri, label)
+            node = Call(step.name, self._terms.action(recipe, step), calls, step.iri, label, step.times)
         else:
             once = step.is_abstract and recipe.machine is None
-            node = Perform(step.name, self._terms.action(recipe, step), step.label, step.iri, once)
+            node = Perform(step.name, self._terms.action(recipe, step), step.label, step.iri, once, step.times)
         # nobody knows whether the goal of an abstract step suffices; alternatives have their own goals and recoveries
         condition = None if step.is_abstract or step.is_choice else self._goal(step)
         if condition is not None:

@@ -77,6 +77,8 @@ class Perform:
     label: str | None = None
     step: str = ""
     once: bool = False
+    times: int = 1
+    """Number of performances, each about another thing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +99,7 @@ class Call:
     calls: tuple[FunctionCall, ...]
     step: str = ""
     label: str | None = None
+    times: int = 1
 
 
 @dataclass(frozen=True, slots=True)

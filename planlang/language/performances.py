@@ -30,6 +30,8 @@ class Performance(NamedTuple):
     """True if the same step has failed before, and a recovery repeats it."""
     is_round: bool = False
     """True within a state that has been entered before."""
+    group: str | None = None
+    """Path above performances that are about different things; None if they need not be."""
 
 
 class _Begun(NamedTuple):
@@ -39,6 +41,7 @@ class _Begun(NamedTuple):
     name: str
     step: str
     action: Action | None
+    times: int
 
 
 _begun: ContextVar[tuple[_Begun, ...]] = ContextVar("performances that mention designators by class", default=())
@@ -51,7 +54,6 @@ def by_class(fillers: Iterable[object]) -> Iterator[Object]:
         match filler:
             case Object(iri=None) if type(filler) is Object:
                 yield filler
-                yield from () if filler.where is None else by_class(filler.where.things())
             case Location():
                 yield from by_class(filler.things())
             case Situation():
@@ -61,15 +63,19 @@ def by_class(fillers: Iterable[object]) -> Iterator[Object]:
 
 
 @contextmanager
-def performing(what: Action | Location, name: str, body: str = "") -> Iterator[None]:
-    """Begin a performance of an action, or of a ``body`` at a location, whose first node will be called ``name``."""
+def performing(what: Action | Location, name: str, body: str = "", *, times: int = 1) -> Iterator[None]:
+    """Begin a performance of an action, or of a ``body`` at a location, whose first node will be called ``name``.
+
+    It is one of so many ``times``; if these are several, each is about other things.
+    """
     action = what if isinstance(what, Action) else None
     fillers = (what,) if action is None else (filler for _, filler in action.properties)
     about = frozenset(by_class(fillers))
     if not about:
         yield
         return
-    token = _begun.set((*_begun.get(), _Begun(about, here()[1].node, name, f"{name} {what} {body}".rstrip(), action)))
+    own = _Begun(about, here()[1].node, name, f"{name} {what} {body}".rstrip(), action, times)
+    token = _begun.set((*_begun.get(), own))
     try:
         yield
     finally:
@@ -82,7 +88,8 @@ def performance_of(what: Object) -> Performance | None:
     task = None if running.scheduler is None else running.scheduler.current
     if not around or task is None:
         return None
-    begun = around[0]
+    begun = next((one for one in reversed(around) if one.times > 1), around[0])
+    around = around[around.index(begun) :]
     first: Node | None = None
     node: Node | None = task.node
     while node is not None and node is not begun.node:
@@ -96,6 +103,7 @@ def performance_of(what: Object) -> Performance | None:
         tuple(one.action for one in around),
         begun.node.kind == "with_failure_handling" and not is_first,
         any(one.kind == "state" and one.ordinal > 1 for one in above),
+        begun.node.path if begun.times > 1 else None,
     )
 
 

@@ -91,6 +91,7 @@ _PERFORM = Usage(
         "otherwise": "reach",
         "until": "holding(cup)",
         "recoveries": "[Recovery(GraspMissed)]",
+        "times": "3",
     },
 )
 
@@ -135,6 +136,7 @@ async def perform(
     otherwise: Branch | None = None,
     until: Goal | None = None,
     recoveries: Iterable[Recovery] = (),
+    times: int = 1,
 ) -> Any:
     """Have a process module perform an action; return the module's result.
 
@@ -153,7 +155,9 @@ async def perform(
     it is the plan of one of these classes (``@plan(IRI)``), it also takes precedence over modules for farther ones.
     ``until`` is a goal as in ``achieve``: if it holds, nothing is performed and the result is None; if it does not hold
     afterwards, GoalNotAchieved is raised. ``recoveries`` handle failures of all this, as in ``with_failure_handling``.
+    With ``times``, all this is done so often, each time with another thing of each class that the action names.
     """
+    times = _PERFORM.whole("times", times, 1, "performances")
     if otherwise is not None:
         _PERFORM.branch("otherwise", otherwise)
     check_action(_PERFORM, action, name)
@@ -161,8 +165,11 @@ async def perform(
     step: Branch = partial(_performed, action, path_element, once, otherwise)
     if until is not None:
         step = achieving(_PERFORM, "until", until, step)
-    with performing(action, path_element):
-        return await recovering(step, recoveries_of(_PERFORM, recoveries))
+    rules, result = tuple(recoveries_of(_PERFORM, recoveries)), None
+    for _ in range(times):
+        with performing(action, path_element, times=times):
+            result = await recovering(step, rules)
+    return result
 
 
 async def _performed(action: Action, path_element: str, once: bool, otherwise: Branch | None) -> Any:

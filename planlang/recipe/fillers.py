@@ -149,13 +149,12 @@ def read_described(ontology: Ontology, expression: BNode) -> Thing | None:
     named = [one for one in ontology.members(expression) if isinstance(one, str) and not isinstance(one, BNode)]
     if len(named) != 1 or ontology.unread_parts(expression):
         return None
-    is_class = ontology.is_class(named[0]) and not is_place(ontology, named[0])
-    thing = read_thing(ontology, named[0]) if is_class else None
+    thing = None if is_place(ontology, named[0]) else read_thing(ontology, named[0])
     where = tuple(_standing(ontology, one) for one in ontology.restrictions(expression))
-    if thing is None or thing.kind is not Kind.OBJECT or not where:
+    if thing is None or thing.kind is not Kind.OBJECT or thing.iri is not None or not where:
         return None
-    related = tuple(sorted((one for one in where if one is not None), key=lambda one: (one[0], one[1].name)))
-    return replace(thing, where=related) if len(related) == len(where) else None
+    related = sorted((one for one in where if one is not None), key=lambda one: (one[0], one[1].name))
+    return replace(thing, where=tuple(related)) if len(related) == len(where) else None
 
 
 def _standing(ontology: Ontology, restriction: Restriction) -> tuple[str, Thing] | None:
@@ -165,8 +164,7 @@ def _standing(ontology: Ontology, restriction: Restriction) -> tuple[str, Thing]
         return None
     if restriction.cardinality not in (None, 1) or not isinstance(term, str) or isinstance(term, BNode):
         return None
-    thing = None if is_place(ontology, term) else read_thing(ontology, term)
-    return None if thing is None else (relation, thing)
+    return None if is_place(ontology, term) or (thing := read_thing(ontology, term)) is None else (relation, thing)
 
 
 def classes_of(ontology: Ontology, iri: str) -> tuple[str, ...]:
@@ -460,7 +458,13 @@ def _parameter(ontology: Ontology, filling: Filling, created: frozenset[str]) ->
     is_device_filler = isinstance(filler, Thing) and filler.kind is Kind.DEVICE
     if property_name == "bodyPartsUsed" and (is_device_filler or _is_device_term(ontology, filling.term)):
         property_name = "deviceUsed"
-    return Parameter(property_name, filler, filling.span)
+    return Parameter(property_name, filler, filling.span, number=filling.number if is_counted(filling, filler) else 1)
+
+
+def is_counted(filling: Filling, filler: Filler | None) -> bool:
+    """True for a number of different objects of a class that an action is about: ``objectActedOn exactly 3 Cup``."""
+    is_stated = filling.kind == "exactly" and local_name(filling.property) == "objectActedOn"
+    return is_stated and isinstance(filler, Thing) and filler.kind is Kind.OBJECT and filler.iri is None
 
 
 def _is_device_term(ontology: Ontology, term: Term) -> bool:

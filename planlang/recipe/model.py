@@ -243,6 +243,8 @@ class Parameter:
     filler: Filler
     span: Span | None = None
     is_inherited: bool = False
+    number: int = 1
+    """Number of different things of the class, for each of which the action is performed once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,6 +284,11 @@ class Step(_Action):
     cls: str | None = None
     condition: Description | None = None
     is_choice: bool = False
+
+    @property
+    def times(self) -> int:
+        """Number of performances, each about another thing."""
+        return max((one.number for one in self.parameters if not one.is_inherited), default=1)
 
     @property
     def is_abstract(self) -> bool:

@@ -19,12 +19,16 @@ KINDS = ("some", "value", "min", "exactly")
 
 
 class Filling(NamedTuple):
-    """A property (IRI) of an action and the term that fills it; ``number`` of them, if a cardinality says so."""
+    """A property (IRI) of an action and the term that fills it; ``number`` of them, if a cardinality says so.
+
+    ``kind`` is that of the restriction that states it, "value" for a fact.
+    """
 
     property: str
     term: Term
     span: Span
     number: int = 1
+    kind: str = "value"
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,9 +156,9 @@ def read_ends(
 def fillings_of(restrictions: Iterable[Restriction]) -> tuple[Filling, ...]:
     """Fillings that restrictions state."""
     return tuple(
-        Filling(restriction.property, restriction.filler, restriction.span, restriction.cardinality or 1)
-        for restriction in restrictions
-        if restriction.kind in KINDS and restriction.cardinality != 0
+        Filling(one.property, one.filler, one.span, one.cardinality or 1, one.kind)
+        for one in restrictions
+        if one.kind in KINDS and one.cardinality != 0
     )
 
 

@@ -123,7 +123,7 @@ def _button_failure(
     normal = pose.rotation @ np.array(button.normal)
     if abs(float(normal[2])) <= UPRIGHT:
         changes = Changes(button.device, scene, Rejections(), reaches, parts=(button.body,))
-        figures.append(changes.nearer(normal[:2] / np.linalg.norm(normal[:2])))
+        figures.append(changes.nearer(normal[:2] / np.linalg.norm(normal[:2])) or changes.none_found())
     what = f"the base with a hand at {button.body}"
     return LocationUnresolvable(designator=what, figures="; ".join(filter(None, figures)))
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.changes import Changes
+from executive.locations.changes import CLOSE, Changes
 from executive.locations.hand_solutions import base_matrices
 from executive.locations.rejections import COLLISION, NO_ROOM, NO_WAY, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.locations.standing import Standing
@@ -24,6 +24,7 @@ from executive.modules.furniture.leaf_grips import LAGS, Grips, grips_of, outwar
 from executive.motion import Chain, cartesian_path
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
+from planlang.designators import Action, action
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
 from planlang.geometry.matrices import inverse, moved, product
@@ -47,12 +48,16 @@ FARTHEST = 0.5
 """Largest step of an arm joint between two postures [rad, m]."""
 ENOUGH = 0.12
 """Least share of its range by which to move a leaf from one base pose."""
+PART = 0.35
+"""Share of the way that is left by which it is worth to move a door between rooms from one base pose."""
 BEHIND = (0.08, 0.2, 0.3)
 """Distances behind the handle at which the hand stands for the arm that follows it [m]."""
 LEAVING = (0.25, 0.5, 1.0)
 """Shares of the retreat from the handle at which to check the hand."""
 SWEPT = Reason("swept over by the leaf")
 NO_GRIP = "no room for the hand at the handle"
+MOST_SUPPOSED = 6
+"""Most batches and paths of a search in a scene that is supposed."""
 MOST_NAMED = 3
 """Most obstacles to name in a failure."""
 
@@ -88,8 +93,9 @@ class LeafPaths:
     def towards(self, value: float, arms: Sequence[ArmModel], sufficient: float) -> Iterator[LeafPath | None]:
         """Yield paths that move the leaf from its believed value to ``value``; None between batches.
 
-        Paths that reach ``sufficient`` come as they are found, shorter ones at the end, longest first. Grips that need
-        less room are tried only if the others allow no path.
+        Paths that reach ``sufficient`` come as they are found, shorter ones at the end, longest first; those of a door
+        between rooms also if they go a good part of the way, as it takes several base poses to move one. Grips that
+        need less room are tried only if the others allow no path.
         """
         joint = self._joint
         self._tried = tuple(arms)
@@ -98,6 +104,7 @@ class LeafPaths:
         values = np.linspace(current, value, count)
         enough = int(np.argmax((values >= sufficient) if value > current else (values <= sufficient))) + 1
         self._values, self._enough = values, enough
+        soon = math.ceil(PART * enough) if joint.frame else enough
         partial: list[LeafPath] = []
         any_path = False
         hands = [(by, arm) for by in self._by_handles() for arm in arms]
@@ -105,9 +112,10 @@ class LeafPaths:
             if tight and any_path:
                 break
             paths = self._of_arm(by, arm, values, enough, tight=tight)
-            for path in _whole_first(paths, count) if joint.kind is JointKind.PRISMATIC else paths:
+            is_sorted = joint.kind is JointKind.PRISMATIC or bool(joint.frame)
+            for path in _whole_first(paths, count) if is_sorted else paths:
                 any_path = any_path or path is not None
-                if path is None or len(path.values) >= enough:
+                if path is None or len(path.values) >= soon:
                     yield path
                 else:
                     partial.append(path)
@@ -137,6 +145,14 @@ class LeafPaths:
                     return True
         return False
 
+    def _moves(self, scene: PlanningScene) -> bool:
+        """Check whether a path moves the leaf far enough in a scene that is supposed, within a few batches."""
+        if not self._reach(scene):  # the cheaper question
+            return False
+        value, sufficient = float(self._values[-1]), float(self._values[self._enough - 1])
+        paths = LeafPaths(scene, self._joint).towards(value, self._tried, sufficient)
+        return any(path is not None and len(path.values) >= self._enough for path in islice(paths, MOST_SUPPOSED))
+
     # Why there is none
 
     def failure(self) -> LocationUnresolvable:
@@ -144,19 +160,37 @@ class LeafPaths:
         rejected, joint = self.rejected, self._joint
         self.poses.name_crowding()
         counts, handle = rejected.ordered(), str(joint.handle)
-        figures = ""
-        if set(counts) == {NO_GRIP}:
+        rejected.first, figures = self._once_closed()
+        if not figures and set(counts) == {NO_GRIP}:
             body = next(iter(rejected.ordered_blocking()))
             figures = f"in each of the {counts[NO_GRIP]} grips checked, the hand is in collision, mostly with {body}"
-        elif counts.get(COLLISION):
+        elif not figures and counts.get(COLLISION):
             bodies = ", ".join(islice(rejected.ordered_blocking(), MOST_NAMED))
             figures = f"{counts[COLLISION]} postures with a hand at it are in collision, mostly with {bodies}"
-        elif counts and set(counts) <= {OUT_OF_REACH.text, NO_ROOM, NO_WAY, SWEPT.text, NO_GRIP}:
+        elif not figures and counts and set(counts) <= {OUT_OF_REACH.text, NO_ROOM, NO_WAY, SWEPT.text, NO_GRIP}:
             height = f"{handle} is at {self._scene.bodies.pose(handle).position[2]:.2f} m"
-            figures = Changes(handle, self._scene, rejected, self._reach).helping() or height
+            figures = Changes(handle, self._scene, rejected, self._moves).helping() or height
         reason = next(iter(counts), "")
         rejected.figures = {reason: figures} if figures else {}
         return rejected.failure(f"the base with a hand at {handle} as {joint.leaf} moves")
+
+    def _once_closed(self) -> tuple[Action | None, str]:
+        """Find the door or drawer in the way that is open and with which closed there is a path; None and "" if none.
+
+        The action closes it.
+        """
+        belief, blocking = self._scene.belief, self.rejected.ordered_blocking()
+        others = [leaf for leaf, one in belief.joints.items() if leaf != self._joint.leaf and belief.is_left_open(leaf)]
+        counts = {leaf: sum(blocking.get(name, 0) for name in belief.joints[leaf].bodies) for leaf in others}
+        leaf = max(others, key=lambda one: counts[one], default=None)
+        if leaf is None or not counts[leaf] or not self._tried:
+            return None, ""
+        once = LeafPaths(self._scene.supposing(belief.with_leaf(leaf, 0.0)), self._joint)
+        paths = once.towards(float(self._values[-1]), self._tried, float(self._values[self._enough - 1]))
+        if not any(path is not None for path in paths):
+            return None, ""
+        closing = action(CLOSE, object_acted_on=self._scene.bodies.designator(leaf))
+        return closing, f"with {leaf} closed, a hand could move {self._joint.leaf}"
 
     # One arm
 
@@ -227,9 +261,15 @@ class LeafPaths:
         bases, coarse, reached, strain = bases[kept], coarse[kept], reached[kept], strain[kept]
         steps = np.minimum(reached, self._unswept(bases, values))
         self.rejected.count([SWEPT] * int((steps <= 1).sum()))
-        order = np.lexsort((strain.round(6), ~coarse, -np.minimum(steps, enough)))
+        order = np.lexsort((strain.round(6), ~coarse, -np.minimum(steps, enough), self._beyond(joint, bases)))
         order = order[steps[order] > 1]
         return bases[order], steps[order]
+
+    def _beyond(self, joint: Articulation, bases: Array) -> NDArray[np.bool_]:
+        """Mark the bases (m, 3) to which no path surely leads: those behind a door between rooms that is half open."""
+        if not joint.frame or joint.is_shut(self._scene.belief.joint(joint.leaf)):
+            return np.zeros(len(bases), bool)
+        return np.array([not self._scene.collisions.has_way((x, y, yaw)) for x, y, yaw in bases.tolist()], bool)
 
     def _unswept(self, bases: Array, values: Array) -> NDArray[np.intp]:
         """Count the leading values (m,) at which the leaf does not overlap bases (m, 3), approximated by circles."""
@@ -253,7 +293,7 @@ def _before(scene: PlanningScene, joint: Articulation, bases: Array) -> NDArray[
 def _whole_first(paths: Iterator[LeafPath | None], count: int) -> Iterator[LeafPath | None]:
     """Yield paths through all ``count`` values at once, shorter ones after their batch, longest first.
 
-    For drawers: one that is only partly open covers what lies at its back.
+    For drawers, as one that is only partly open covers what lies at its back, and for doors between rooms.
     """
     others: list[LeafPath] = []
     for path in paths:

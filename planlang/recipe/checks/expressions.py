@@ -14,7 +14,15 @@ from planlang.ontology.expression_text import expression_of, text_of
 from planlang.ontology.expressions import FACETS
 from planlang.ontology.terms import OWL, RDF
 from planlang.recipe.checks import CheckedRecipe
-from planlang.recipe.fillers import action_class, action_properties, is_relation, read_described, takes_numbers
+from planlang.recipe.fillers import (
+    action_class,
+    action_properties,
+    is_counted,
+    is_relation,
+    read_described,
+    read_thing,
+    takes_numbers,
+)
 from planlang.recipe.model import Place
 from planlang.recipe.readers import partial_order
 from planlang.recipe.readers.alternatives import is_union
@@ -32,14 +40,19 @@ def unread_filling(ontology: Ontology, owner: str, filling: Filling) -> Diagnost
     """Report (R035) a filler that is an expression, or that is required several times; None for any other."""
     short, term = local_name(shorten(filling.property)), filling.term
     if isinstance(term, BNode):
-        if filling.number == 1 and not is_relation(filling.property) and read_described(ontology, term) is not None:
+        described = read_described(ontology, term)
+        is_one = filling.number == 1 or is_counted(filling, described)
+        if is_one and described is not None and not is_relation(filling.property):
             return None
         what = f"{short} of `{local_name(owner)}`"
         return _unread(ontology, what, term, filling.span, _instead(ontology, filling.property, term))
-    if filling.number > 1:
+    if filling.number > 1 and not (isinstance(term, str) and is_counted(filling, read_thing(ontology, term))):
         name = f"`{local_name(term)}`" if isinstance(term, str) else f"the value {term.value!r}"
         message = f"{short} of `{local_name(owner)}` is {filling.number} of {name}, but a step takes one"
-        return error("R035", message, filling.span, f"write a step for each, with `{short} value` and its name")
+        advice = f"write a step for each, with `{short} value` and its name"
+        if filling.kind == "min" and short == "objectActedOn":
+            advice = f"write `{short} exactly {filling.number}`, or a step for each"
+        return error("R035", message, filling.span, advice)
     return None
 
 
@@ -56,9 +69,19 @@ def unread_expressions(checked: CheckedRecipe) -> Iterator[Diagnostic]:
             if above not in seen and (shorten(above) == above or ontology.main(above)):
                 yield from _of_action(ontology, above)
             seen.add(above)
+    yield from _counted(checked)
     places = (one.filler for owner in checked.owners for one in owner.parameters if isinstance(one.filler, Place))
     for place in dict.fromkeys(each.iri for one in places for each in one.places()):
         yield from _of_place(ontology, place)
+
+
+def _counted(checked: CheckedRecipe) -> Iterator[Diagnostic]:
+    """Report numbers of things that a task is about, or alternatives: only a step is performed for each thing."""
+    is_task = checked.recipe.iri == checked.file.recipes.task
+    for action in (*([checked.recipe] if is_task else []), *(one for one in checked.recipe.steps if one.is_choice)):
+        for one in (each for each in action.parameters if each.number > 1):
+            message = f"{one.property} of `{action.name}` is {one.number} things, but only a step is performed for each"
+            yield error("R035", message, one.span, f"state `{one.property} exactly {one.number}` of a step of it")
 
 
 def _of_task(ontology: Ontology, task: str) -> Iterator[Diagnostic]:

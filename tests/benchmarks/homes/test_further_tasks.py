@@ -13,7 +13,7 @@ from sim import Scene
 from tests.benchmarks.homes.furnishing import Rectangle
 from tests.benchmarks.homes.tasks import Task, drawn
 from tests.benchmarks.homes.trial import robot_of, verdict, write
-from tests.benchmarks.homes.witness import Answer, suited_to
+from tests.benchmarks.homes.witness import Answer, is_right_reason, suited_to
 from tests.support.scenarios import tilt
 
 
@@ -40,6 +40,12 @@ def test_a_robot_with_one_hand_cannot_hold_two_things_or_a_pot(tmp_path: Path):
         found = verdict(task, scene(task, tmp_path), "panda")
         assert (found.answer, found.kind) == (Answer.IMPOSSIBLE, "no hand")
         assert thing in found.thing
+
+
+def test_the_reason_of_a_missing_hand_says_how_many_hands_it_takes():
+    said = {"kind": "no hand", "thing": "can1"}
+    assert is_right_reason(said, (), "can1 cannot be taken too: the robot has one hand, and it holds cup1")
+    assert not is_right_reason(said, (), "no hand holds anything to put down; grasp can1 first")
 
 
 def test_a_lying_bottle_lies_on_its_table(tmp_path: Path):

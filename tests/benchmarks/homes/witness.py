@@ -69,14 +69,14 @@ class Answer(StrEnum):
 
 
 RIGHT_REASONS: Mapping[str, str] = {
-    "too wide": r"GraspTooWide|too wide|m wide, and",
+    "too wide": r"GraspTooWide|too wide|m wide, and|m wide, .* opens to",
     "too heavy": r"TooHeavy|weighs",
     "too high": r"too high|out of reach|reaches (only )?up to|\bup to \d",
     "too low": r"too low|out of reach|reaches (only )?down to|\bdown to \d",
-    "no hand": r"hands?\b",
+    "no hand": r"(one|1|two|2|both) hands?\b|no (other|free|second) hand",
     "no camera": r"without (a )?camera|no camera",
-    "no floor": r"no room for the base|no path|NavigationPose|cannot (stand|get)|out of reach|no nearer than",
-    "too narrow": r"too narrow|m wide; |no path|no way|NavigationPose",
+    "no floor": r"no room for the base|no path|NavigationPose|cannot (stand|get|drive)|out of reach|no nearer than",
+    "too narrow": r"too narrow|m wide; |no path|no way|cannot drive|NavigationPose",
     "no room": r"no room (for|on|in)|does not fit|is full|too (high|large|big) for",
 }
 """Kind of impossibility -> what the failure's classes or message say if the product has found the right reason."""

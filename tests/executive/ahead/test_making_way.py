@@ -7,12 +7,12 @@ from contextlib import ExitStack
 import pytest
 
 from executive.maps import MapObject
-from planlang import SimulationHost, at_location, checkpoint, run
-from planlang.designators import Object, a_location
-from planlang.failures import LocationUnresolvable, ObjectUnreachable
+from planlang import SimulationHost, at_location, checkpoint, perform, run
+from planlang.designators import Object, a_location, action
+from planlang.failures import ContainerStuck, HandleNotReachable, LocationUnresolvable, ObjectUnreachable
 from planlang.geometry import Pose
 from planlang.language.recovery import Recovery
-from planlang.recoveries import open_what_is_in_the_way
+from planlang.recoveries import open_what_is_in_the_way, step_back_and_repeat
 from tests.support.extras import skip_without_pr2
 from tests.support.leaves import Room, room, thing
 
@@ -86,3 +86,25 @@ def test_a_refrigerator_whose_door_is_in_the_way_is_opened_further(stack: ExitSt
     stage = open_by(refrigerator(), stack, "pr2", 1.1)
     stands_near(stage, stage.designator("cup"))
     assert stage.truth.joint("leaf") > 1.5
+
+
+def test_the_drawer_above_is_closed_before_the_one_below_it_is_opened(stack: ExitStack) -> None:
+    parts = [
+        part
+        for name, z in (("leaf", 0.65), ("lower", 0.45))
+        for part in (
+            thing(name, "Drawer", Pose((0.84, 0.0, z)), (0.48, 0.5, 0.14), f"grip_{name}"),
+            thing(f"grip_{name}", "Handle", Pose((0.56, 0.0, z)), (0.012, 0.2, 0.012)),
+        )
+    ]
+    case = thing("case", "Dresser-PieceOfFurniture", Pose((0.85, 0.0, 0.36)), (0.5, 0.54, 0.72), "leaf", "lower")
+    stage = open_by((case, *parts), stack, "amigo", 0.38)
+    lower = stage.designator("lower")
+    again = Recovery((HandleNotReachable, ContainerStuck), step_back_and_repeat(lower), retries=3)
+
+    async def plan() -> None:
+        await perform(action("OpeningAContainerArtifact", object_acted_on=lower), recoveries=[again])
+
+    run(plan, executive=stage.executive, host=SimulationHost(stage.truth), max_steps=30_000)
+    assert stage.truth.joint("leaf") == pytest.approx(0.0, abs=0.03)
+    assert stage.platform.belief.joints["lower"].is_open(stage.truth.joint("lower"))

@@ -45,3 +45,4 @@ def test_the_last_tree_shows_failed_constructs_and_what_others_around_have_done(
     marked = [line.strip("│├└─ ").split("  ")[0] for line in out.getvalue().splitlines() if "s" in line]
     names = [line for line in marked if line[:1] in "✓✗"]
     assert names == ["✗ fetch", "✗ at_location", "✓ ComeNear", "✓ come_near", "✗ GraspIt", "✗ Approach"]
+    assert out.getvalue().count(f"{ABSENT['type']}: {ABSENT['message']}") == 2, "by the innermost of each"

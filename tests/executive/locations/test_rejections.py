@@ -76,10 +76,19 @@ def test_a_corner_that_is_walled_off_has_no_way_for_the_base(
     failure = refused(location, wall, *aside)
     assert failure.counts["no way for the base"] > 0
     assert "not looked at" not in failure.counts
-    assert location is not TO_GRASP or "without wall it could" in str(failure)
+    assert location is not TO_GRASP or "without wall this would work" in str(failure)
     gap = replace(wall, pose=Pose((4.0, -0.7, 1.0)), size=(0.1, 10.6, 2.0))
     beyond = next(make_stage(gap, *aside).resolver.bases(location)).base
     assert beyond[0] > 4.1, "around the wall's end there is one"
+
+
+def test_of_two_walls_that_both_have_to_go_none_is_said_to_be_the_only_one(refused: Refused) -> None:
+    aside = [
+        replace(body, pose=Pose((body.pose.position[0] + 3.8, *body.pose.position[1:]))) for body in (CABINET, BOTTLE)
+    ]
+    walls = [box(f"wall{number}", 3.6 + 0.4 * number, 0.0, (0.1, 12.0, 2.0)) for number in (0, 1)]
+    failure = refused(TO_GRASP, *walls, *aside)
+    assert failure.because() == "the base cannot drive to where it could reach bottle"
 
 
 def test_before_a_thing_that_is_too_wide_for_hands_the_width_is_the_reason(refused: Refused) -> None:

@@ -43,6 +43,22 @@ def test_the_surfaces_of_a_look_are_closed_and_inside_its_box(look: str, size: t
         assert (np.abs(piece.solid.vertices).max(axis=0) <= 0.511 * np.array(size)).all(), "labels stick out a little"
 
 
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("cls", ["Sink", "WasteBasket", "CounterTop", "SideTable", "Dishwasher"])
+def test_furniture_on_whose_top_things_stand_is_drawn_up_to_there_in_its_middle(
+    cls: str, size: tuple[float, float, float]
+) -> None:
+    tops = [-size[2]]
+    for piece in pieces_of(look_of([cls]), size):
+        for a, b, c in piece.solid.vertices[piece.solid.faces]:
+            edges = np.array([[*(b - a)[:2]], [*(c - a)[:2]]]).T
+            if abs(np.linalg.det(edges)) > 1e-12:
+                along = np.linalg.solve(edges, -a[:2])
+                if along.min() >= 0 and along.sum() <= 1:
+                    tops.append(float((a + along @ (b - a, c - a))[2]))
+    assert max(tops) == pytest.approx(size[2] / 2, abs=0.005)
+
+
 @pytest.mark.parametrize(
     "solid",
     [

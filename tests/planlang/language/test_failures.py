@@ -58,7 +58,7 @@ def test_every_failure_can_be_raised_without_details_and_says_something(kind: ty
 
 def test_the_message_is_built_from_the_fields() -> None:
     assert str(NavigationPoseUnreachable(target=(1.0, 2.5, 0.0), blocked_by="bed1")) == (
-        "no path for the base: target (1, 2.5, 0), blocked by bed1"
+        "no path for the base: target x 1 y 2.5 yaw 0, blocked by bed1"
     )
     unresolvable = LocationUnresolvable(
         designator="in_reach_of(bottle1)",

@@ -59,7 +59,6 @@ def compiled(folder: Path, **parts: str) -> tuple[str, list[Diagnostic]]:
 
 
 NOT_UNDERSTOOD = [
-    ("step", "k:objectActedOn exactly 3 k:Cup"),
     ("step", "k:objectActedOn min 2 k:Cup"),
     ("step", "k:objectActedOn max 2 k:Cup"),
     ("step", "k:objectActedOn only k:Cup"),
@@ -81,10 +80,13 @@ NOT_UNDERSTOOD = [
     ("step", "not (k:objectActedOn value cup1)"),
     ("step", "(k:objectActedOn value cup1) or (k:objectActedOn value cup2)"),
     ("step", "k:duration some xsd:float[>= 3.0f]"),
-    ("step", "k:objectActedOn exactly 2 (k:Cup and (k:on-Physical value table1))"),
+    ("step", "k:objectActedOn exactly 2 (k:Cup or k:Bowl-Eating)"),
+    ("step", "k:objectActedOn exactly 2 k:Patient"),
+    ("step", "k:objectActedOn min 2 (k:Cup and (k:on-Physical value table1))"),
+    ("task", PARTS["task"] + ", k:objectActedOn exactly 2 k:Cup"),
     ("task", "k:subAction some (Look and Drive)"),
     ("task", "k:subAction some (Look and not Drive)"),
-    ("task", "k:subAction some (Look and (k:objectActedOn exactly 2 k:Cup))"),
+    ("task", "k:subAction some (Look and (k:objectActedOn min 2 k:Cup))"),
     ("task", "k:subAction some (Look and (k:objectActedOn only k:Cup))"),
     ("task", "k:subAction some (Look and (inverse k:objectActedOn some k:Cup))"),
     ("task", "k:subAction some (Look and (Drive or Check))"),
@@ -140,6 +142,26 @@ def test_a_thing_of_a_class_may_have_to_stand_in_relations_to_others(
     assert f"an_object({cup}" in plan, diagnostics
 
 
+@pytest.mark.parametrize(
+    ("part", "expression"),
+    [
+        ("step", "k:objectActedOn exactly 3 k:Cup"),
+        ("step", "k:objectActedOn exactly 3 (k:Cup and (k:on-Physical value table1))"),
+        ("task", PARTS["task"].replace("some Look", "some (Look and (k:objectActedOn exactly 3 k:Cup))")),
+    ],
+)
+def test_a_step_about_a_number_of_things_is_performed_so_often(tmp_path: Path, part: str, expression: str) -> None:
+    plan, diagnostics = compiled(tmp_path, **{part: expression})
+    assert plan.count("times=3") == 1, diagnostics
+
+
+def test_the_steps_of_a_step_about_a_number_of_things_are_performed_once_for_each(tmp_path: Path) -> None:
+    plan, _ = compiled(
+        tmp_path, step="k:TransportingAnObject, k:toLocation value table1, k:objectActedOn exactly 3 k:Cup"
+    )
+    assert plan.count("times=3") == 1
+
+
 SAME = [
     ("step", "k:objectActedOn exactly 1 k:Cup"),
     ("step", "k:objectActedOn min 1 k:Cup"),
@@ -173,7 +195,7 @@ def test_one_of_a_single_individual_is_that_individual(tmp_path: Path) -> None:
 
 
 def test_the_message_repeats_the_expression_and_says_what_to_write(tmp_path: Path) -> None:
-    _, diagnostics = compiled(tmp_path, step="k:objectActedOn exactly 3 k:Cup")
+    _, diagnostics = compiled(tmp_path, step="k:objectActedOn min 3 k:Cup")
     (found,) = [one for one in diagnostics if one.severity is Severity.ERROR]
     assert (found.code, found.message) == ("R035", "objectActedOn of `Look` is 3 of `Cup`, but a step takes one")
-    assert found.help == "write a step for each, with `objectActedOn value` and its name"
+    assert found.help == "write `objectActedOn exactly 3`, or a step for each"

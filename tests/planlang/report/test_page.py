@@ -129,9 +129,12 @@ def test_a_property_that_is_simply_true_is_told_by_its_name() -> None:
 
 
 def test_relations_of_an_action_are_told_in_words() -> None:
-    asked = "Reaching(object_acted_on=tall_cup1, to_location=in_front_of(tall_cup1))"
+    asked = "Reaching(object_acted_on=tall_cup1, to_location=in_front_of(tall_cup1) with gripper)"
     node = TaskNode("Reaching", "perform", None, parameters={"action": asked})
     assert Wording().of(node) == "reaching (tall_cup1, in front of tall_cup1)"
+    asked = "HandOver(constrained_by=(Upright, Level), device_used=left, object_acted_on=cup1, recipient=child1)"
+    node = TaskNode("HandOver", "perform", None, parameters={"action": asked})
+    assert Wording().of(node) == "hand over (with left, cup1, to child1)"
 
 
 def test_steps_that_fail_together_tell_the_reason_once() -> None:
