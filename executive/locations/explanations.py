@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from executive.belief.doorways import NarrowDoorway, narrow_doorway
 from executive.belief.floor import CELL as FLOOR_CELL
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
@@ -77,7 +78,7 @@ def explain_bases(
     }
     measured = makers[reason]() if reason in makers else ""
     helping = ""
-    if is_feasible is not None:
+    if is_feasible is not None and not (reason == NO_WAY and explanation.narrow is not None):
         changes = Changes(wanted[0].body, scene, log, is_feasible, needed=needed)
         # where something closes the way, nothing that is done to the thing opens it
         if closing := explanation.closing() if reason == NO_WAY else ():
@@ -281,8 +282,14 @@ class _Explanation:
         return f"none of the {number} candidates is {met}: another place or relation is needed"
 
     def no_way(self) -> str:
-        """Say that no path leads to where the base would have to stand."""
-        return f"the base cannot drive to where it could reach {self.reach.body}"
+        """Say that no path leads to where the base would have to stand, and which doorway is too narrow."""
+        sentence = f"the base cannot drive to where it could reach {self.reach.body}"
+        return sentence if self.narrow is None else f"{sentence}: {self.narrow}"
+
+    @cached_property
+    def narrow(self) -> NarrowDoorway | None:
+        """Doorway on the way to the thing through which the robot does not fit; None if there is none."""
+        return narrow_doorway(self.scene, self.scene.bodies.block(self.reach.body).centre[:2])
 
     def closing(self) -> tuple[str, ...]:
         """Bodies without which, one at a time, the base could drive to where arms may reach the thing."""
