@@ -112,14 +112,12 @@ class SceneFloor(ScenePart):
         return self._free.of(key, lambda: poses_for(grid, floor.boxes, floor.silhouette, floor.outlines, SLACKS))
 
     def has_way(self, base: BasePose) -> bool:
-        """Check whether the base can drive to a pose: on a path with at most one turn, else by a flood fill.
+        """Check whether the base can drive to a pose: on a path with at most one turn, else as :meth:`reached` says."""
+        return self._goes_straight(base) or bool(self.reached()(np.array([base]))[0])
 
-        It drives where it is free, and turns where :data:`SPARE` clearance is left.
-        """
-        if self._goes_straight(base):
-            return True
-        surely = self._flooded(self._reached, self.travelled(), -SPARE)
-        return bool(surely(np.array([base]))[0])
+    def reached(self) -> Drivable:
+        """Compute where the base can surely drive as it drives; it turns only where :data:`SPARE` clearance is left."""
+        return self._flooded(self._reached, self.travelled(), -SPARE)
 
     def _goes_straight(self, base: BasePose) -> bool:
         """Check whether the base can turn everywhere on two line segments to a pose, for one of a few corners.

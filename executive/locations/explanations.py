@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from executive.belief.doorways import NarrowDoorway, narrow_doorway
 from executive.belief.floor import CELL as FLOOR_CELL
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
@@ -54,10 +55,12 @@ def explain_bases(
     inverse: InverseMaps,
     question: Question,
     is_feasible: IsFeasible | None,
+    once_moved: IsFeasible | None = None,
     needed: Collection[str] = (),
 ) -> None:
     """Add to the log's figures what was measured about the decisive reason, and what would help.
 
+    ``is_feasible`` and ``once_moved`` are asked about changes of the map, and about doors that the robot moves itself.
     The ``needed`` bodies are part of the location or the plan: leaving them out helps nobody.
     """
     log = question.log
@@ -75,13 +78,13 @@ def explain_bases(
     }
     measured = makers[reason]() if reason in makers else ""
     helping = ""
-    if is_feasible is not None:
+    if is_feasible is not None and not (reason == NO_WAY and explanation.narrow is not None):
         changes = Changes(wanted[0].body, scene, log, is_feasible, needed=needed)
         # where something closes the way, nothing that is done to the thing opens it
         if closing := explanation.closing() if reason == NO_WAY else ():
             helping = changes.without_one_of(closing)
         else:
-            log.first, helping = changes.by_the_robot()
+            log.first, helping = changes.by_the_robot(once_moved or is_feasible)
             helping = helping or changes.helping()
     if not helping and (instead := explanation.excluded() or explanation.no_hold()):
         measured = instead
@@ -265,10 +268,10 @@ class _Explanation:
         return f"in {share} ways to reach {self.reach.body} the robot would hit {obstacle}"
 
     def no_room(self) -> str:
-        """Describe how near the base gets."""
+        """Describe how near the base gets, and how far arms reach if that is not enough."""
         if self.reach.kind is ReachKind.OFFER:
             return ""
-        return self._nearest(self._gap())
+        return self._too_far() or self._nearest(self._gap())
 
     def excluded(self) -> str:
         """Return that a relation of the location leaves none of the candidates; "" if others left some out, too."""
@@ -279,8 +282,14 @@ class _Explanation:
         return f"none of the {number} candidates is {met}: another place or relation is needed"
 
     def no_way(self) -> str:
-        """Say that no path leads to where the base would have to stand."""
-        return f"the base cannot drive to where it could reach {self.reach.body}"
+        """Say that no path leads to where the base would have to stand, and which doorway is too narrow."""
+        sentence = f"the base cannot drive to where it could reach {self.reach.body}"
+        return sentence if self.narrow is None else f"{sentence}: {self.narrow}"
+
+    @cached_property
+    def narrow(self) -> NarrowDoorway | None:
+        """Doorway on the way to the thing through which the robot does not fit; None if there is none."""
+        return narrow_doorway(self.scene, self.scene.bodies.block(self.reach.body).centre[:2])
 
     def closing(self) -> tuple[str, ...]:
         """Bodies without which, one at a time, the base could drive to where arms may reach the thing."""

@@ -16,13 +16,14 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
+from executive.belief.doorways import narrow_doorway
 from executive.belief.floor import CELL
 from executive.belief.planning_scene import PlanningScene, Unseen
 from executive.locations.base_poses import MOST_CROWDED, BasePoses
 from executive.locations.candidate_search import TRAVEL
 from executive.locations.demands import BaseDemand
 from executive.locations.questions import Question
-from executive.locations.rejections import NO_ROOM, NOT_VISIBLE, unmet
+from executive.locations.rejections import NO_ROOM, NO_WAY, NOT_VISIBLE, unmet
 from executive.locations.validation import PLACES, BaseValidator
 from planlang.geometry import Array
 from planlang.geometry.areas import FACING, HAIR, Block, Clear, Facing
@@ -106,6 +107,10 @@ class FloorSearch:
             if (answer := validator.answer(base, worth, {}, demand, self.question)) is not None:
                 is_found = True
                 yield answer
+        if not is_found and log.counts[NO_WAY] and NO_WAY not in log.figures:
+            narrow = narrow_doorway(scene, bases[order[0], :2])
+            if narrow is not None:
+                log.figures[NO_WAY] = str(narrow)
         return is_found, len(rows)
 
     def _surely_unseen(self, bases: Array) -> Iterator[bool]:

@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from executive.belief.doorways import narrow_doorway
 from executive.belief.scene_collisions import BasePose
 from executive.modules.giving_way import PATIENCE, Lookout
 from executive.modules.platform import PlatformModule
@@ -163,6 +164,8 @@ class Navigation(PlatformModule):
         except MotionError as problem:
             if (touched := self.platform.belief.memory.met) is not None:
                 raise NavigationGoalNotReached(target=goal, blocked_by=touched) from problem
+            if (narrow := narrow_doorway(self.platform.scene, np.array(goal[:2]))) is not None:
+                raise NavigationPoseUnreachable(str(narrow), target=goal, blocked_by=narrow.name) from problem
             closing = self.platform.scene.collisions.closes_way(np.array(goal[:2]), AT_GOAL)
             raise NavigationPoseUnreachable(target=goal, blocked_by=next(iter(closing), None)) from problem
 

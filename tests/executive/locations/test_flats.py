@@ -1,9 +1,12 @@
 """Ways through flats: what the location search says about them, the base does, and nothing else."""
 
 from contextlib import ExitStack
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from executive.belief.doorways import narrow_doorway
 from executive.motion import NoPath
 from tests.support.flats import flat, in_flat
 
@@ -39,3 +42,30 @@ def test_search_counts_what_the_hand_holds() -> None:
         collisions = platform.scene.collisions
         assert collisions.travelled() is collisions.whole(), "the search asks about the floor of the drive"
         assert len(collisions.travelled().silhouette) > len(collisions.floor().silhouette)
+
+
+@pytest.mark.parametrize(("carries", "told"), [(False, "the robot needs 0.71 m"), (True, "with mug the robot needs")])
+def test_doorway_that_is_too_narrow_is_named_with_what_the_robot_needs(carries: bool, told: str) -> None:
+    drawn = flat(1, (0.6, 0.6))
+    with ExitStack() as stack:
+        platform = in_flat(stack, drawn, "amigo", carries=carries)
+        narrow = narrow_doorway(platform.scene, np.array(drawn.goal[:2]))
+        assert narrow is not None
+        assert (narrow.name, narrow.width) == ("doorway1", 0.6)
+        assert told in str(narrow)
+
+
+def test_no_doorway_is_named_where_all_are_wide_enough_or_passed() -> None:
+    wide = flat(1, (0.9, 0.9))
+    widths = {"doorway2": 0.6}
+    things = tuple(
+        replace(one, size=(widths[one.name], 0.1, 2.0)) if one.name in widths else one for one in wide.things
+    )
+    with ExitStack() as stack:
+        scene = in_flat(stack, wide, "amigo").scene
+        assert narrow_doorway(scene, np.array(wide.goal[:2])) is None
+    with ExitStack() as stack:
+        scene = in_flat(stack, replace(wide, things=things), "amigo").scene
+        narrow = narrow_doorway(scene, np.array(wide.goal[:2]))
+        assert narrow is not None
+        assert narrow.name == "doorway2", "the first doorway is passed"
