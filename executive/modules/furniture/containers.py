@@ -141,8 +141,7 @@ class LeafWork(HandWork):
             arms = self.hands_for(joint.handle, joint.leaf)
             await self.tuck()
             self._paths = LeafPaths(self.platform.scene, joint, self._home)
-            ways = self._paths.towards(goal, arms, sufficient)
-            for path in ways if joint.frame else leaving_first(ways, self._gets_away):
+            for path in leaving_first(self._paths.towards(goal, arms, sufficient), self._gets_away):
                 yield path
                 if path is None:
                     await checkpoint()
