@@ -270,7 +270,7 @@ class LeafPaths:
         if joint.frame and values[-1] < values[0]:
             out = shut_out(self._scene, joint, self._home, bases)
             ajar = int((values > AJAR * joint.upper).sum())
-            steps = np.where(out & (ajar > 1), np.minimum(steps, ajar), steps)
+            steps = np.where(out & (ajar > PART * len(values)), np.minimum(steps, ajar), steps)
         order = np.lexsort((strain.round(6), ~coarse, -np.minimum(steps, enough), out, self._beyond(joint, bases)))
         order = order[steps[order] > 1]
         return bases[order], steps[order]
