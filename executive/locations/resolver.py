@@ -52,7 +52,7 @@ from executive.locations.search import search_bases
 from executive.locations.shut_ways import shut_on_the_way
 from executive.locations.validation import BaseValidator
 from executive.robots.arms import ArmModel
-from planlang.designators import Device, Location, Object
+from planlang.designators import Device, Location, Object, action
 from planlang.failures import BehindClosedDoor, DesignatorFailure, LocationUnresolvable, MissingCapability, PlanFailure
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Clear, Facing, Region
@@ -189,7 +189,9 @@ class Resolver:
         door = shut_on_the_way(self.scene, partial(self.is_possible, location)) if log.counts[NO_WAY] else None
         if door is not None:
             names = (*(reach.body for reach in demand.reaches), *(one.name for one in location.things()), str(location))
-            raise BehindClosedDoor(designator=str(location), what=names[0], door=self.scene.bodies.designator(door))
+            leaf = self.scene.bodies.designator(door)
+            first = action("OpeningAContainerArtifact", object_acted_on=leaf)
+            raise BehindClosedDoor(designator=str(location), what=names[0], door=leaf, first=first)
 
     def _question(self, location: Location) -> Question:
         """Start a new question about a location."""

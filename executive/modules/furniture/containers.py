@@ -75,7 +75,7 @@ class LeafWork(HandWork):
 
     def __init__(self, platform: Platform, joint: Articulation) -> None:
         super().__init__(platform)
-        self._joint, self._paths = joint, LeafPaths(platform.scene, joint)
+        self._joint, self._paths, self._home = joint, LeafPaths(platform.scene, joint), platform.base()
 
     async def open(self) -> None:
         """Open the leaf. Raises ContainerStuck, HandleNotReachable or StateUnknown."""
@@ -140,7 +140,7 @@ class LeafWork(HandWork):
                 raise HandleNotReachable(f"{HandleNotReachable.text}: {missing} of the class Handle", what=joint.leaf)
             arms = self.hands_for(joint.handle, joint.leaf)
             await self.tuck()
-            self._paths = LeafPaths(self.platform.scene, joint)
+            self._paths = LeafPaths(self.platform.scene, joint, self._home)
             for path in leaving_first(self._paths.towards(goal, arms, sufficient), self._gets_away):
                 yield path
                 if path is None:

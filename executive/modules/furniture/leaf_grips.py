@@ -196,6 +196,20 @@ def outwards_of(scene: PlanningScene, joint: Articulation) -> Array:
     return np.asarray(normal * math.copysign(1.0, away if abs(away) > 1e-3 else opens))
 
 
+def on_side_of_handle(scene: PlanningScene, joint: Articulation, bases: Array) -> NDArray[np.bool_]:
+    """Mark the base poses (m, 3) that are on the side of a leaf where its handle is."""
+    leaf = np.array(scene.bodies.pose(joint.leaf).position)
+    return np.asarray((bases[:, :2] - leaf[:2]) @ outwards_of(scene, joint)[:2] > 0)
+
+
+def shut_out(scene: PlanningScene, joint: Articulation, home: Sequence[float], bases: Array) -> NDArray[np.bool_]:
+    """Mark the bases (m, 3) that a shut door between rooms parts from a base pose."""
+    shut = scene.world.scene.body(joint.leaf)
+    normal = shut.pose.rotation[:2, int(np.argmin(shut.size))]
+    sides = (np.vstack([home, bases])[:, :2] - shut.pose.position[:2]) @ normal > 0
+    return np.asarray(sides[1:] != sides[0])
+
+
 def _bars(longest: Array, outwards: Array, *, is_bar: bool) -> list[Array]:
     """List the unit vectors (3,) across which fingers close: the axis of a bar, or several rolls for a knob."""
     if is_bar:

@@ -20,7 +20,7 @@ from executive.locations.changes import CLOSE, Changes
 from executive.locations.hand_solutions import base_matrices
 from executive.locations.rejections import COLLISION, NO_ROOM, NO_WAY, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.locations.standing import Standing
-from executive.modules.furniture.leaf_grips import LAGS, Grips, grips_of, outwards_of
+from executive.modules.furniture.leaf_grips import LAGS, Grips, grips_of, on_side_of_handle, shut_out
 from executive.motion import Chain, cartesian_path
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
@@ -50,6 +50,8 @@ ENOUGH = 0.12
 """Least share of its range by which to move a leaf from one base pose."""
 PART = 0.35
 """Share of the way that is left by which it is worth to move a door between rooms from one base pose."""
+AJAR = 0.6
+"""Share of its range to which a door between rooms is moved from the side on which the base would be shut out."""
 BEHIND = (0.08, 0.2, 0.3)
 """Distances behind the handle at which the hand stands for the arm that follows it [m]."""
 LEAVING = (0.25, 0.5, 1.0)
@@ -84,8 +86,10 @@ class LeafPath:
 class LeafPaths:
     """Search for paths that move one leaf; ``rejected`` counts why base poses were rejected."""
 
-    def __init__(self, scene: PlanningScene, joint: Articulation) -> None:
+    def __init__(self, scene: PlanningScene, joint: Articulation, home: BasePose | None = None) -> None:
+        """``home``: where the base was when the motions began; it stays on that side of a door that it shuts."""
         self._scene, self._joint, self._standing = scene, joint, Standing(scene)
+        self._home = scene.base() if home is None else home
         self.poses = self._standing.poses
         self.rejected, self._tried = self.poses.log, tuple[ArmModel, ...]()
         self._values, self._enough = np.zeros(0), 0
@@ -105,15 +109,13 @@ class LeafPaths:
         enough = int(np.argmax((values >= sufficient) if value > current else (values <= sufficient))) + 1
         self._values, self._enough = values, enough
         soon = math.ceil(PART * enough) if joint.frame else enough
-        partial: list[LeafPath] = []
-        any_path = False
+        partial, any_path = list[LeafPath](), False
         hands = [(by, arm) for by in self._by_handles() for arm in arms]
         for (by, arm), tight in ((hand, tight) for tight in (False, True) for hand in hands):
             if tight and any_path:
                 break
             paths = self._of_arm(by, arm, values, enough, tight=tight)
-            is_sorted = joint.kind is JointKind.PRISMATIC or bool(joint.frame)
-            for path in _whole_first(paths, count) if is_sorted else paths:
+            for path in _whole_first(paths, count) if joint.frame or joint.kind is JointKind.PRISMATIC else paths:
                 any_path = any_path or path is not None
                 if path is None or len(path.values) >= soon:
                     yield path
@@ -124,10 +126,13 @@ class LeafPaths:
 
     def _by_handles(self) -> list[Articulation]:
         """List the joint as it is moved by each handle of the leaf, those on the side of the base first."""
-        joint, scene = self._joint, self._scene
-        by = [joint.by(handle) for handle in joint.handles]
-        here = np.array([scene.base()])
-        return sorted(by, key=lambda one: not _before(scene, one, here)[0]) if len(by) > 1 else by
+        joint, scene, here = self._joint, self._scene, np.array([self._scene.base()])
+        by = list(map(joint.by, joint.handles))
+        if joint.other_handles and self._values[-1] < self._values[0]:
+            shut = [scene.world.scene.body(handle).pose.position for handle in joint.handles]
+            order = np.argsort(shut_out(scene, joint, self._home, np.array(shut)), kind="stable")
+            return [by[number] for number in order.tolist()]
+        return sorted(by, key=lambda one: not on_side_of_handle(scene, one, here)[0]) if len(by) > 1 else by
 
     def _reach(self, scene: PlanningScene) -> bool:
         """Check whether an arm would reach the handle from a free base pose in a scene that is supposed.
@@ -252,7 +257,7 @@ class LeafPaths:
         tips = np.stack([moved(product(joint.motion(v).matrix(), first), middle) for v in values.tolist()])
         bases, coarse = self._standing.lattice(arm, tips)
         if joint.frame:
-            here = _before(self._scene, joint, bases)
+            here = on_side_of_handle(self._scene, joint, bases)
             bases, coarse = bases[here], coarse[here]
         reached, strain = _within_reach(arm, bases, tips)
         kept = reached > 1
@@ -261,7 +266,12 @@ class LeafPaths:
         bases, coarse, reached, strain = bases[kept], coarse[kept], reached[kept], strain[kept]
         steps = np.minimum(reached, self._unswept(bases, values))
         self.rejected.count([SWEPT] * int((steps <= 1).sum()))
-        order = np.lexsort((strain.round(6), ~coarse, -np.minimum(steps, enough), self._beyond(joint, bases)))
+        out = np.zeros(len(bases), bool)
+        if joint.frame and values[-1] < values[0]:
+            out = shut_out(self._scene, joint, self._home, bases)
+            ajar = int((values > AJAR * joint.upper).sum())
+            steps = np.where(out & (ajar > PART * len(values)), np.minimum(steps, ajar), steps)
+        order = np.lexsort((strain.round(6), ~coarse, -np.minimum(steps, enough), out, self._beyond(joint, bases)))
         order = order[steps[order] > 1]
         return bases[order], steps[order]
 
@@ -282,12 +292,6 @@ class LeafPaths:
             local = np.abs(moved(pose.inverse().matrix(), points)) - np.asarray(leaf.size) / 2
             free[:, number] = np.linalg.norm(np.maximum(local, 0.0), axis=1) > radius
         return np.asarray(np.logical_and.accumulate(free, axis=1).sum(axis=1))
-
-
-def _before(scene: PlanningScene, joint: Articulation, bases: Array) -> NDArray[np.bool_]:
-    """Mark the base poses (m, 3) that are on the side of a leaf where its handle is."""
-    leaf = np.array(scene.bodies.pose(joint.leaf).position)
-    return np.asarray((bases[:, :2] - leaf[:2]) @ outwards_of(scene, joint)[:2] > 0)
 
 
 def _whole_first(paths: Iterator[LeafPath | None], count: int) -> Iterator[LeafPath | None]:
