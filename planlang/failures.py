@@ -347,17 +347,22 @@ class BehindClosedDoor(LocationUnresolvable):
 
 @dataclass(eq=False, repr=False)
 class TooHeavy(LocationUnresolvable):
-    """The object is heavier than the payload of ``hands`` free hands, 1 or 2. ``mass`` and ``payload`` in kg."""
+    """The object is heavier than the payload of ``hands`` free hands, 1 or 2.
+
+    ``mass``, ``payload``, and the ``load`` in the object or on it, which counts in its mass, are in kg.
+    """
 
     what: str | None = field(default=None, kw_only=True)
     mass: float = field(default=0.0, kw_only=True)
     payload: float = field(default=0.0, kw_only=True)
     hands: int = field(default=1, kw_only=True)
+    load: float = field(default=0.0, kw_only=True)
 
     def because(self) -> str:
-        """``bottle1 weighs 40 kg, the hand carries 1.5 kg``."""
+        """``pot1 weighs 3.9 kg with the 1.5 kg in it or on it, the hand carries 1.5 kg``."""
         carry = "the hand carries" if self.hands == 1 else "both hands carry"
-        return f"{self.what} weighs {self.mass:g} kg, {carry} {self.payload:g} kg"
+        load = f" with the {self.load:g} kg in it or on it" if self.load else ""
+        return f"{self.what} weighs {self.mass:g} kg{load}, {carry} {self.payload:g} kg"
 
 
 @dataclass(eq=False, repr=False)

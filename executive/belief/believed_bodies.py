@@ -167,6 +167,10 @@ class BelievedBodies(ScenePart):
             masses[name] = sum(body(one).mass + state.matter.total(one) * KG_PER_ML for one in loaded)
         return masses[name]
 
+    def load(self, name: str) -> float:
+        """Compute the share of :meth:`mass` that is in a body or on it [kg]."""
+        return round(self.mass(name) - self._world.scene.body(name).mass, 3)
+
     def hands(self, name: str) -> int:
         """Look up how many hands it takes to hold a body."""
         return self._world.scene.body(name).hands

@@ -84,27 +84,29 @@ class Changes:
         self.body, self.scene, self.log, self._is_feasible, self._needed = body, scene, log, is_feasible, needed
         self._is_movable = scene.bodies.is_movable(body) or not {*parts} <= {body}
         self._along = {*parts, *(scene.world.standing_on(body) if self._is_movable else ())} - {body}
-        self._left, self._in_vain = MOST_SEARCHES, list[str]()
+        self._left, self._in_vain, self._opened_in_vain = MOST_SEARCHES, list[str](), set[str]()
 
     def helping(self) -> str:
         """Describe a change that helps: another robot away, the thing at an edge, without a body, or let down."""
         return self._once_left() or self.nearer() or self._without() or self._let_down()
 
-    def by_the_robot(self) -> tuple[Action | None, str]:
+    def by_the_robot(self, once_moved: IsFeasible) -> tuple[Action | None, str]:
         """Find an action of the robot that helps, and describe it: to close what is open near the thing, or to open it
         further; None and "" if neither does.
         """
         for joint, value in self._leaves_near():
             name, now = joint.leaf, self.scene.belief.joint(joint.leaf)
             state = self.scene.belief.with_leaf(name, value)
-            hidden = self.scene.supposing(state).bodies.closed_before(self.body)
-            if hidden is None and self._tries(state):
-                what, is_shut = self.scene.bodies.designator(name), joint.is_shut(value)
+            then, is_shut = self.scene.supposing(state), joint.is_shut(value)
+            if then.bodies.closed_before(self.body) is None and once_moved(then):
+                what = self.scene.bodies.designator(name)
                 if is_shut:
                     return action(CLOSE, object_acted_on=what), f"with {name} closed, {self.body} could be reached"
                 opening = action(OPEN, object_acted_on=what, all_the_way=True)
                 wide = f"{_measure(joint, value)} instead of {_measure(joint, now)}"
                 return opening, f"with {name} open by {wide}, {self.body} could be reached"
+            if not is_shut:
+                self._opened_in_vain.add(name)
         return None, ""
 
     def _leaves_near(self) -> Iterator[tuple[Articulation, float]]:
@@ -198,7 +200,8 @@ class Changes:
             leaf, riders = self.scene.belief.joints.get(name), self.scene.world.standing_on(name)
             gone = {name, *riders, *(leaf.bodies if leaf is not None else ())}.difference(fixed)
             if self._helps(dict.fromkeys(sorted(gone))):
-                open_leaf = f"{name} is in the way as it is open: " if leaf is not None else ""
+                further = ", and opened further, too" if name in self._opened_in_vain else ""
+                open_leaf = f"{name} is in the way as it is open{further}: " if leaf is not None else ""
                 return f"{open_leaf}without {name}{' and what stands on it' if riders else ''} this would work"
         return ""
 

@@ -55,10 +55,12 @@ def explain_bases(
     inverse: InverseMaps,
     question: Question,
     is_feasible: IsFeasible | None,
+    once_moved: IsFeasible | None = None,
     needed: Collection[str] = (),
 ) -> None:
     """Add to the log's figures what was measured about the decisive reason, and what would help.
 
+    ``is_feasible`` and ``once_moved`` are asked about changes of the map, and about doors that the robot moves itself.
     The ``needed`` bodies are part of the location or the plan: leaving them out helps nobody.
     """
     log = question.log
@@ -82,7 +84,7 @@ def explain_bases(
         if closing := explanation.closing() if reason == NO_WAY else ():
             helping = changes.without_one_of(closing)
         else:
-            log.first, helping = changes.by_the_robot()
+            log.first, helping = changes.by_the_robot(once_moved or is_feasible)
             helping = helping or changes.helping()
     if not helping and (instead := explanation.excluded() or explanation.no_hold()):
         measured = instead
@@ -266,10 +268,10 @@ class _Explanation:
         return f"in {share} ways to reach {self.reach.body} the robot would hit {obstacle}"
 
     def no_room(self) -> str:
-        """Describe how near the base gets."""
+        """Describe how near the base gets, and how far arms reach if that is not enough."""
         if self.reach.kind is ReachKind.OFFER:
             return ""
-        return self._nearest(self._gap())
+        return self._too_far() or self._nearest(self._gap())
 
     def excluded(self) -> str:
         """Return that a relation of the location leaves none of the candidates; "" if others left some out, too."""

@@ -178,7 +178,10 @@ class Resolver:
             raise question.log.failure(location)
         is_feasible = None if found else partial(self._is_feasible, location, findings)
         meant = bodies_meant(location, actions_around(), scene)
-        explain_bases(validator.wanted(demand), validator.arms(demand), scene, self.maps, question, is_feasible, meant)
+        own = Findings(Allowance(EASY_CHECKS, EASY_SOLVED), walled=question.known.walled)
+        once_moved = None if found else partial(self._is_feasible, location, own)
+        arms, wanted = validator.arms(demand), validator.wanted(demand)
+        explain_bases(wanted, arms, scene, self.maps, question, is_feasible, once_moved, meant)
         raise question.log.failure(location, after=len(found))
 
     def _check_way(self, location: Location, demand: BaseDemand, log: Rejections) -> None:

@@ -133,8 +133,8 @@ class BaseValidator:
         arms = [arm.name for arm in self.scene.arms.all if reach.arms is None or arm.name in reach.arms]
         free = [arm.payload for arm in self.scene.arms.all if arm.name in arms and not self.scene.arms.held(arm.name)]
         if free and reach.kind is ReachKind.GRASP:
-            mass = self.scene.bodies.mass(reach.body)
-            raise TooHeavy(designator=str(location), what=reach.body, mass=mass, payload=max(free))
+            mass, load = self.scene.bodies.mass(reach.body), self.scene.bodies.load(reach.body)
+            raise TooHeavy(designator=str(location), what=reach.body, mass=mass, payload=max(free), load=load)
         holding = {arm: held.name for arm in arms if (held := self.scene.arms.held(arm)) is not None}
         full = {arm: self.scene.bodies.designator(name) for arm, name in holding.items()}
         raise HandsFull(designator=str(location), what=reach.body, held=full)

@@ -176,7 +176,7 @@ class TwoHands(HandWork):
         pairs = [pair for pair in combinations(free, 2) if mass / 2 <= min(arm.payload for arm in pair)]
         if not pairs:
             payload = 2 * max(min(arm.payload for arm in pair) for pair in combinations(free, 2))
-            raise TooHeavy(designator=name, what=name, mass=mass, payload=payload, hands=2)
+            raise TooHeavy(designator=name, what=name, mass=mass, payload=payload, hands=2, load=bodies.load(name))
         joints = platform.world.configuration().joints
         return [PairPaths(platform, ArmPair(pair, joints)) for pair in pairs]
 

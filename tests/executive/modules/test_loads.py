@@ -56,6 +56,7 @@ def test_the_water_in_a_pot_counts_for_two_hands(make_stage: MakeStage, amount: 
     stage = make_stage(CABINET, replace(POT, content=(Portion("Water", amount, ("water",)),)))
     failure = refused(stage, THE_POT)
     assert (failure.mass, failure.hands) == (pytest.approx(mass), 2)
+    assert f"pot weighs {mass:g} kg with the {amount / 1000:g} kg in it or on it, both hands carry" in failure.because()
 
 
 def test_the_water_in_what_stands_on_a_tray_counts_for_two_hands(make_stage: MakeStage) -> None:
