@@ -64,7 +64,9 @@ def upright_postures(control: Control, arm: ArmModel, held: Held, named: Array) 
     joints, loads = _distances(arm, held, np.stack([named, *postures]))
     half = max(held.size[:2]) / 2
     widths = np.maximum(joints, loads + half)
+    passages = _passages(control, arm, held, np.stack([named, *postures]))
     costs = np.maximum(0, np.rint((widths[1:] - widths[0]) / NARROWER))
+    costs += np.maximum(0, np.rint((passages[1:] - passages[0]) / NARROWER))
     costs += OVER_THE_BASE * (loads[1:] - half < control.robot.base.radius + NEAR)
     return [postures[k] for k in np.argsort(costs, kind="stable")[:MOST]]
 
@@ -158,3 +160,17 @@ def _distances(arm: ArmModel, held: Held, q: Array) -> tuple[Array, Array]:
     chain, tips = arm.chain, arm.chain.fk(q)
     joints = np.linalg.norm(chain.frames(q)[:, :, :2, 3], axis=2).max(axis=1)
     return joints, np.linalg.norm(moved(tips, np.asarray(held.pose.position))[:, :2], axis=1)
+
+
+def _passages(control: Control, arm: ArmModel, held: Held, q: Array) -> Array:
+    """Compute the width of the robot with its load in the heading in which it is narrowest, (n,) [m]."""
+    torso = None if arm.lift is None else arm.lift.joint
+    outlines = control.scene.world.outlines([name for name in arm.joints if name != torso])
+    turns = np.arange(HEADINGS) * (math.pi / HEADINGS)
+    across = np.stack([np.cos(turns), np.sin(turns)])
+    still = np.concatenate([corners for _, _, corners in outlines if len(corners)]) @ across
+    load = moved(arm.chain.fk(q), np.asarray(held.pose.position))[:, None, :2] @ across
+    moving, half = arm.chain.frames(q)[:, :, :2, 3] @ across, max(held.size[:2]) / 2
+    high = np.maximum(np.maximum(moving.max(axis=1), load[:, 0] + half), still.max(axis=0))
+    low = np.minimum(np.minimum(moving.min(axis=1), load[:, 0] - half), still.min(axis=0))
+    return np.asarray((high - low).min(axis=1))
