@@ -319,7 +319,7 @@ def explain(failure: BaseException) -> str:
     """Format a failure in several lines: where it arose in the plan, its causes, and its simultaneous failures.
 
     A failure that was raised while an earlier one was handled, as in a cleanup, is followed by the earlier one with
-    ``after``, since that is not its cause. The first line has at most :data:`MOST_WORDS` words. If the cause is a
+    ``after``, since that is not its cause. The first line has at most 40 words. If the cause is a
     location that could not be found, it says why, unless its own message does; the causes below do not repeat that.
     A failure that was raised again on its way to the caller is listed once.
     """
