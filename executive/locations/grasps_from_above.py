@@ -125,7 +125,11 @@ def _of_class(
     natural = (0.7 if grasp is GraspClass.TOP else 0.8) * (SHALLOW if rise else 1.0)
     rows = []
     for x, y, yaw in _places(block, headings):
-        across = block.wall + 2 * _bend(block, ahead) if block.wall else 2 * block.support(yaw + math.pi / 2)
+        bent = block.wall + 2 * _bend(block, ahead)
+        if not block.wall:
+            across = 2 * block.support(yaw + math.pi / 2)
+        else:  # where fingers that are open so far would not fit, those around the wall alone may
+            across = bent if bent <= min(max_opening, min(block.half_x, block.half_y)) else block.wall
         turn = yaw - block.yaw
         weight = 1.0 if block.round or block.wall or abs(math.sin(2 * turn)) < 1e-6 else OBLIQUE
         for tips in _depths(block, floor, CLEARANCES[grasp]) if block.soft or across <= max_opening else ():

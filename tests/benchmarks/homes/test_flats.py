@@ -17,6 +17,7 @@ from tests.benchmarks.homes.furnishing import Home, NoRoom
 from tests.benchmarks.homes.tasks import TEMPLATES, Need, Task, drawn, module_of
 from tests.benchmarks.homes.trial import verdict, write
 from tests.benchmarks.homes.witness import Answer, Verdict, is_right_reason
+from tests.support.extras import skip_without_pr2
 
 Judged = Callable[[float, str, tuple[str, ...]], Verdict]
 FLAT_TEMPLATES = [name for name in TEMPLATES if module_of(name) == "flat_tasks"]
@@ -98,6 +99,7 @@ def judged(tmp_path: Path) -> Judged:
     """Return a function that asks the witness about the task of a seed in a flat with doorways of a width."""
 
     def verdict_of(width: float, robot: str, kinds: tuple[str, ...]) -> Verdict:
+        skip_without_pr2(robot)
         task = with_doorways(drawn("fetch_from_another_room", EASY), width)
         _, home = write(task, EASY, tmp_path)
         needs = tuple(need for need in task.needs if need.kind in kinds)

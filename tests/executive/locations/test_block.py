@@ -13,8 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.locations import HandSolution
-from executive.locations.deliveries import held_above, offering, placing
+from executive.locations.deliveries import Spots, held_above, offering, placing
 from executive.locations.grasp_candidates import CLASSES, beside, grasping
+from executive.locations.placement import UPRIGHT
 from executive.locations.reachability import GraspClass
 from executive.robots.arms import HandFrame, Held
 from planlang.designators import a_device, a_location
@@ -138,8 +139,8 @@ def test_what_is_held_stays_upright_in_every_way_that_is_tried(
         held_above("box", block, FRAME, held, held.lowest_of, (0.02, 0.15), inset=0.05, fine=False),
         offering("patient", zone, FRAME, held, fine=False),
         *(
-            placing("box", spots, *np.ones((2, 1)), FRAME, held, is_round=is_round, fine=False)
-            for is_round in (True, False)
+            placing("box", Spots(UPRIGHT, spots, *np.ones((2, 1)), turns_freely), FRAME, held, fine=False)
+            for turns_freely in (True, False)
         ),
     ):
         assert len(ways) == 0 or np.linalg.det(ways.rotations) == pytest.approx(1.0)

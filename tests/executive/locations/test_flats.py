@@ -8,6 +8,7 @@ import pytest
 
 from executive.belief.doorways import narrow_doorway
 from executive.motion import NoPath
+from tests.support.extras import skip_without_pr2
 from tests.support.flats import flat, in_flat
 
 FLATS = range(3)
@@ -27,6 +28,7 @@ def test_amigo_drives_through_offset_doorways_of_eighty_centimetres(seed: int, c
 @pytest.mark.parametrize("robot", ["amigo", "pr2"])
 @pytest.mark.parametrize("seed", FLATS)
 def test_search_and_base_agree_that_a_doorway_is_too_narrow(seed: int, robot: str) -> None:
+    skip_without_pr2(robot)
     drawn = flat(seed, (0.5, 0.5))
     with ExitStack() as stack:
         platform = in_flat(stack, drawn, robot)

@@ -172,7 +172,7 @@ def test_one_that_stays_in_the_only_way_is_waited_for_and_then_named(
 ) -> None:
     with pytest.raises((ObjectUnreachable, NavigationPoseUnreachable)) as caught:
         doorway.run(plan)
-    said = f"without {PORTER} it could" if plan is reach else f"blocked by {PORTER}"
+    said = f"without {PORTER} this would work" if plan is reach else f"blocked by {PORTER}"
     assert said in explain(caught.value)
     there_and_back = 2 * STAYS.length / STAYS.speed
     assert doorway.truth.steps > (there_and_back - 1) * doorway.truth.rate

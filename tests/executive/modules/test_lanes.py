@@ -14,6 +14,7 @@ from planlang.files import bundled
 from planlang.geometry import Array, Pose
 from sim import Body
 from tests.executive.conftest import MakeStage
+from tests.support.extras import skip_without_pr2
 
 WIDTH, LENGTH = 0.07, 0.1
 """Of a sponge [m]."""
@@ -65,6 +66,7 @@ def test_all_that_is_free_between_things_is_wiped_though_it_is_narrow(make_stage
 def test_lanes_that_no_posture_reaches_do_not_keep_the_others_from_being_wiped() -> None:
     """The lanes at the wall come first, and the PR2's arm has no room there."""
     folder = Path(__file__).parents[2] / "strangers" / "wipe_side_table"
+    skip_without_pr2("pr2")
     home = folder / "home_pr2_4811_004.omn"
     robot = bundled("ontologies") / "robots" / "pr2.toml"
     result = run_plan_file(RunOptions(recipe=home.with_suffix(".r.omn"), robot=robot, environment=home))

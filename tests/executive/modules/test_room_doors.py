@@ -10,6 +10,7 @@ import pytest
 from planlang import SimulationHost, perform, run
 from planlang.designators import Condition, a_location, action
 from planlang.failures import BehindClosedDoor, NavigationPoseUnreachable
+from tests.support.extras import skip_without_pr2
 from tests.support.leaves import Room
 from tests.support.room_doors import HERE, THERE, RoomDoor, flat
 
@@ -59,6 +60,7 @@ def test_what_a_shut_door_keeps_the_base_from_is_behind_it(stack: ExitStack, tmp
 def test_a_door_is_opened_from_one_side_and_closed_from_the_other(
     stack: ExitStack, tmp_path: Path, robot: str, start: tuple[float, float, float], beyond: tuple[float, float, float]
 ) -> None:
+    skip_without_pr2(robot)
     stage = flat(stack, RoomDoor(), tmp_path, robot, start)
     stage.do(OPEN, "door")
     assert stage.truth.joint("door") > 0.9 * 1.57
