@@ -321,7 +321,8 @@ class LocationUnresolvable(DesignatorFailure):
 
     def describe(self) -> str:
         """``no place found for DESIGNATOR: FIGURES (312 candidates: 112 in collision; in the way: bed1 96, ...)``."""
-        text = self.text + (wanted := f" for {self.designator}" if self.designator else "")
+        wanted = f" for {self.designator}" if self.designator else ""
+        text = f"{self.text}{wanted}"
         if self.after:
             found = "only one place was" if self.after == 1 else f"only {self.after} places were"
             text = f"{found} found{wanted}, and {'it' if self.after == 1 else 'each'} failed"
@@ -347,10 +348,7 @@ class BehindClosedDoor(LocationUnresolvable):
 
 @dataclass(eq=False, repr=False)
 class TooHeavy(LocationUnresolvable):
-    """The object is heavier than the payload of ``hands`` free hands, 1 or 2.
-
-    ``mass``, ``payload``, and the ``load`` in the object or on it, which counts in its mass, are in kg.
-    """
+    """The object, with the ``load`` in it or on it, is heavier than ``hands`` free hands, 1 or 2, carry; all in kg."""
 
     what: str | None = field(default=None, kw_only=True)
     mass: float = field(default=0.0, kw_only=True)
@@ -367,10 +365,7 @@ class TooHeavy(LocationUnresolvable):
 
 @dataclass(eq=False, repr=False)
 class HandsLacking(LocationUnresolvable):
-    """The object takes ``needed`` hands, but only ``hands`` are available.
-
-    ``alone``: there are enough, but the action is for one hand.
-    """
+    """The object takes ``needed`` hands, but ``hands`` are there; ``alone``: enough are, but the action is for one."""
 
     what: str | None = field(default=None, kw_only=True)
     needed: int = field(default=2, kw_only=True)
