@@ -36,7 +36,7 @@ from planlang.kernel.primitives import called
 from planlang.language.branches import Branch
 from planlang.language.executive import executive_for
 from planlang.language.location import AGAIN, at_location, make_room
-from planlang.language.performing import do_afterwards, perform
+from planlang.language.performing import perform
 from planlang.language.recovery import PROPAGATE, RETRY, Do, Recovery, RecoveryResult, Return, retry
 from planlang.misuse import Usage, written
 from planlang.records import dataclass
@@ -217,8 +217,8 @@ def open_what_is_in_the_way(what: Object) -> Do:
     """Open the closed door or drawer that hides the object, then run the body again.
 
     If the search for places has found that there is one once something else was done, such as closing a drawer that is
-    open before it, or opening a door further, that is done first. A door between rooms that the base only drives
-    through is closed again when the run's plan has succeeded. A failure with another reason propagates.
+    open before it, or opening a door further, that is done first. What was opened stays open: the plan may want the
+    robot where it is at its end, and to close a door it would have to leave. A failure with another reason propagates.
     """
 
     Usage("open_what_is_in_the_way", {"what": "bottle"}).instance("what", what, Object, "an object")
@@ -230,8 +230,6 @@ def open_what_is_in_the_way(what: Object) -> Do:
         opening = action("OpeningAContainerArtifact", object_acted_on=closed.door)
         again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(closed.door), retries=AGAIN)
         await perform(opening, recoveries=[again])
-        if closed.first is not None:
-            do_afterwards(action("ClosingAContainerArtifact", object_acted_on=closed.door), again)
         return RETRY
 
     return open_it

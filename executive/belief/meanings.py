@@ -75,8 +75,9 @@ class Choice:
         by_others = {one.name for one in self.had if one.aim == self.aim and one.step != self.performance.step}
         in_group = self._had_in_group()
         undone = [name for name in things if name not in in_group and not self.is_done(name)]
-        free = [name for name in undone if name not in by_others] or (undone if self.performance.is_round else [])
-        if not free and things and mine:
+        # what another step had, but of which that holds no more, is there to be had again
+        free = [name for name in undone if name not in by_others] or undone
+        if not free and things and mine and not self.performance.is_retry:
             step = self.performance.step.rpartition("/")[2].partition(" ")[0]
             told = f"no {self.what} is left for {step}: done already with {', '.join(things)}"
             raise ObjectUnresolvable(told, designator=str(self.what))

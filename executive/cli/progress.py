@@ -16,6 +16,7 @@ from contextlib import contextmanager
 
 import click
 
+from planlang.machine import address_space
 from planlang.records import dataclass
 from planlang.visible import visible
 
@@ -94,7 +95,9 @@ class Progress:
             self._works.append(work)
             if len(self._works) == 1:
                 self._shown, self._ended = work.began, threading.Event()
-                threading.Thread(target=self._watch, args=(self._ended,), name="progress", daemon=True).start()
+                # a thread reserves 64 MB, which a run with little address space needs for its own
+                if address_space() is None:
+                    threading.Thread(target=self._watch, args=(self._ended,), name="progress", daemon=True).start()
 
     def _pop(self) -> _Work | None:
         """End the innermost work; return the one around it."""

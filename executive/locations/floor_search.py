@@ -107,7 +107,7 @@ class FloorSearch:
             if (answer := validator.answer(base, worth, {}, demand, self.question)) is not None:
                 is_found = True
                 yield answer
-        if not is_found and log.counts[NO_WAY] and NO_WAY not in log.figures:
+        if not is_found and len(order) and log.counts[NO_WAY] and NO_WAY not in log.figures:
             narrow = narrow_doorway(scene, bases[order[0], :2])
             if narrow is not None:
                 log.figures[NO_WAY] = str(narrow)

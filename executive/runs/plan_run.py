@@ -59,7 +59,7 @@ from planlang.failures import (
 from planlang.kernel import RunError, SimulationHost
 from planlang.language.budgets import budget
 from planlang.language.loading import load_plan
-from planlang.language.performing import module_for, tidied
+from planlang.language.performing import module_for
 from planlang.language.plan_text import Needs
 from planlang.language.plans import Plan
 from planlang.language.recovery import explain
@@ -356,7 +356,7 @@ class Run:
         """The plan with its parameters and budget, for execution and replay."""
 
         async def body() -> Any:
-            return await tidied(partial(budget, partial(self.plan, **bound), seconds=self._allowance(bound)))
+            return await budget(partial(self.plan, **bound), seconds=self._allowance(bound))
 
         body.__name__ = self.plan.name
         vars(body)["iri"] = self.plan.iri

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterable, Iterator
-from contextlib import suppress
 from contextvars import ContextVar
 from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
@@ -412,33 +411,3 @@ class _Requests(All):
 
 
 _requests: ContextVar[_Requests | None] = ContextVar("requests", default=None)
-
-
-_afterwards: ContextVar[dict[Action, tuple[Recovery, ...]] | None] = ContextVar("afterwards", default=None)
-
-
-def do_afterwards(action: Action, *recoveries: Recovery) -> None:
-    """Ask for an action after the plan has succeeded, once; without effect outside :func:`tidied`.
-
-    Recoveries do so: what one opened only so that the robot gets through may be needed until the end of the plan.
-    """
-    left = _afterwards.get()
-    if left is not None:
-        left.setdefault(action, recoveries)
-
-
-async def tidied(body: Callable[[], Awaitable[V]]) -> V:
-    """Run a body, then perform the actions that leave the world as it was found, the last one that was asked for first.
-
-    One that fails is left out.
-    """
-    left = dict[Action, tuple[Recovery, ...]]()
-    token = _afterwards.set(left)
-    try:
-        result = await body()
-    finally:
-        _afterwards.reset(token)
-    for action, recoveries in reversed(left.items()):
-        with suppress(PlanFailure):
-            await perform(action, recoveries=recoveries)
-    return result

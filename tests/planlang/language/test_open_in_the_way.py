@@ -17,7 +17,6 @@ from planlang.failures import (
     ObjectUnreachable,
     PlanFailure,
 )
-from planlang.language.performing import tidied
 from planlang.testing import Script, run_plan
 
 CUP, DOOR = an_object("Cup", "http://example.org/#cup1"), an_object("Door", "http://example.org/#door1")
@@ -51,40 +50,6 @@ def test_the_door_is_opened_and_the_body_runs_again() -> None:
     assert run.happened_before("OpeningAContainerArtifact", "ClosingAGripper")
     assert run.belief.holds(Condition("open", (DOOR,)))
     assert run.belief.holding == ["cup1"]
-
-
-def behind_a_room_door() -> ObjectUnreachable:
-    """The failure of a scope about a thing in another room, to which opening a door makes a way."""
-    failure = ObjectUnreachable(what="cup1")
-    opening = action("OpeningAContainerArtifact", object_acted_on=DOOR)
-    failure.__cause__ = BehindClosedDoor(what="cup1", door=DOOR, first=opening)
-    return failure
-
-
-@pytest.mark.parametrize(
-    ("failure", "closed"), [(behind_a_room_door, 1), (behind_the_door, 0)], ids=["between rooms", "of furniture"]
-)
-def test_a_door_that_was_opened_to_drive_through_is_closed_when_the_plan_has_succeeded(
-    failure: Callable[[], PlanFailure], closed: int
-) -> None:
-    fetch = fetching(failure(), failure())
-
-    async def plan() -> None:
-        await tidied(fetch)
-
-    run = run_plan(plan)
-    assert (run.attempts("OpeningAContainerArtifact"), run.attempts("ClosingAContainerArtifact")) == (2, closed)
-    if closed:
-        assert run.happened_before("ClosingAGripper", "ClosingAContainerArtifact")
-
-
-def test_a_door_that_cannot_be_closed_again_does_not_fail_the_plan_and_a_failed_plan_closes_none() -> None:
-    stuck = Script().on("ClosingAContainerArtifact", fails=ContainerStuck)
-    fetch, in_vain = fetching(behind_a_room_door()), fetching(behind_a_room_door(), ObjectUnreachable(what="cup1"))
-    assert run_plan(lambda: tidied(fetch), script=stuck).failure is None
-    run = run_plan(lambda: tidied(in_vain))
-    assert isinstance(run.failure, ObjectUnreachable)
-    assert run.attempts("ClosingAContainerArtifact") == 0
 
 
 def test_what_is_out_of_reach_for_another_reason_stays_so() -> None:
