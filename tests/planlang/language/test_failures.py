@@ -171,6 +171,12 @@ def test_an_explanation_tells_the_reason_of_its_first_line_once() -> None:
     )
 
 
+def test_a_long_reason_without_clauses_is_not_in_the_first_line() -> None:
+    first, below = explained("so " * 60 + "it is")
+    assert first == "ObjectUnreachable: the object cannot be reached: cup1"
+    assert "so so it is" in below
+
+
 @pytest.mark.parametrize("words", [20, 30, 60])
 def test_the_first_line_of_an_explanation_has_at_most_40_words_and_what_would_help(words: int) -> None:
     figures = f"cup1 is high; {'and so on ' * (words // 3)}; moved 0.2 m, cup1 could be reached"

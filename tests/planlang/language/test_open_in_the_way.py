@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
 from planlang import Recovery, open_what_is_in_the_way, perform, step_back_and_repeat, with_failure_handling
-from planlang.designators import Condition, action, an_object
+from planlang.designators import Condition, Object, action, an_object
 from planlang.failures import (
     BehindClosedDoor,
     ContainerStuck,
@@ -114,3 +115,27 @@ def test_nothing_is_put_down_where_no_hand_is_free_for_a_handle() -> None:
 def test_the_failure_says_what_is_behind_which_door() -> None:
     said = str(BehindClosedDoor(designator="in_reach_of(cup1)", what="cup1", door=DOOR))
     assert said == "no place found for in_reach_of(cup1): cup1 is behind door1, which is closed"
+
+
+FIRST = action("ClosingAContainerArtifact", object_acted_on=DOOR)
+
+
+@pytest.mark.parametrize("can_do", [True, False])
+@pytest.mark.parametrize(("strategy", "steps"), [(open_what_is_in_the_way, 0), (step_back_and_repeat, 1)])
+def test_what_the_search_found_to_make_a_way_is_done_first(
+    strategy: Callable[[Object], Any], steps: int, can_do: bool
+) -> None:
+    left = [PlanFailure("out of reach")]
+
+    async def body() -> None:
+        if left:
+            raise left.pop() from LocationUnresolvable(designator="in_reach_of(cup1)", first=FIRST)
+
+    async def plan() -> None:
+        await with_failure_handling(body, Recovery(PlanFailure, strategy(CUP)))
+
+    script = Script() if can_do else Script().on("ClosingAContainerArtifact", fails=ContainerStuck)
+    run = run_plan(plan, script=script)
+    assert run.attempts("ClosingAContainerArtifact") == 1
+    assert run.attempts("SteppingBack") == (0 if can_do else steps)
+    assert (run.failure is None) == (can_do or steps == 1)

@@ -72,6 +72,7 @@ def test_a_node_is_within_those_around_it() -> None:
         ),
         ({"change": "moved", "name": "door1", "value": 0.01}, "door1 closed"),
         ({"change": "led", "name": "door1", "value": 0.4}, "door1 open"),
+        ({"change": "released", "name": "cup1", "to": "patient1"}, "cup1 handed to patient1"),
         ({"change": "leads", "name": "door1"}, "door1 held by its handle"),
         ({"change": "seen", "name": "cup1"}, "cup1 seen"),
         ({}, "something changed"),
