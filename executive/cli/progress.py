@@ -24,6 +24,8 @@ SHORT = 2.0
 """Shorter work is not shown [s]."""
 EVERY, EVERY_IN_TERMINAL = 10.0, 0.2
 """Time between two lines, and between two drawings in a terminal [s]."""
+ROOMY = 500_000_000
+"""Address space below which nothing is shown: a thread reserves 64 MB of it, which the work may need [bytes]."""
 BAR = 20
 """Width of the bar [characters]."""
 
@@ -95,8 +97,8 @@ class Progress:
             self._works.append(work)
             if len(self._works) == 1:
                 self._shown, self._ended = work.began, threading.Event()
-                # a thread reserves 64 MB, which a run with little address space needs for its own
-                if address_space() is None:
+                limit = address_space()
+                if limit is None or limit >= ROOMY:
                     threading.Thread(target=self._watch, args=(self._ended,), name="progress", daemon=True).start()
 
     def _pop(self) -> _Work | None:
