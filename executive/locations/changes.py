@@ -84,7 +84,7 @@ class Changes:
         self.body, self.scene, self.log, self._is_feasible, self._needed = body, scene, log, is_feasible, needed
         self._is_movable = scene.bodies.is_movable(body) or not {*parts} <= {body}
         self._along = {*parts, *(scene.world.standing_on(body) if self._is_movable else ())} - {body}
-        self._left, self._in_vain, self._opened_in_vain = MOST_SEARCHES, list[str](), set[str]()
+        self._left, self._in_vain = MOST_SEARCHES, list[str]()
 
     def helping(self) -> str:
         """Describe a change that helps: another robot away, the thing at an edge, without a body, or let down."""
@@ -105,8 +105,6 @@ class Changes:
                 opening = action(OPEN, object_acted_on=what, all_the_way=True)
                 wide = f"{_measure(joint, value)} instead of {_measure(joint, now)}"
                 return opening, f"with {name} open by {wide}, {self.body} could be reached"
-            if not is_shut:
-                self._opened_in_vain.add(name)
         return None, ""
 
     def _leaves_near(self) -> Iterator[tuple[Articulation, float]]:
@@ -200,8 +198,7 @@ class Changes:
             leaf, riders = self.scene.belief.joints.get(name), self.scene.world.standing_on(name)
             gone = {name, *riders, *(leaf.bodies if leaf is not None else ())}.difference(fixed)
             if self._helps(dict.fromkeys(sorted(gone))):
-                further = ", and opened further, too" if name in self._opened_in_vain else ""
-                open_leaf = f"{name} is in the way as it is open{further}: " if leaf is not None else ""
+                open_leaf = f"{name} is in the way as it is open: " if leaf is not None else ""
                 return f"{open_leaf}without {name}{' and what stands on it' if riders else ''} this would work"
         return ""
 

@@ -111,6 +111,18 @@ def test_each_round_of_a_loop_takes_another_cup_and_fails_when_none_is_left(room
     assert [name for _, name in hands.did] == ["cup1", "cup2", "cup3"]
 
 
+def test_a_cup_that_another_step_has_brought_back_is_brought_again(room: Room) -> None:
+    stage, hands = room(standing("cup1", 1.3, 0.0))
+
+    async def there_and_back_and_there() -> None:
+        await bring(to=THERE, name="there")
+        await bring(to=HERE, name="back")
+        await bring(to=THERE, name="there again")
+
+    stage.run(there_and_back_and_there)
+    assert [name for _, name in hands.did] == ["cup1"] * 3
+
+
 def test_a_cup_that_is_there_already_is_not_brought(room: Room) -> None:
     stage, _ = room(standing("cup1", -1.8, 0.0), standing("cup2", 1.3, 0.4))
     assert stage.run(bring) == "cup2"
