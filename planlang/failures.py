@@ -357,25 +357,34 @@ class TooHeavy(LocationUnresolvable):
     load: float = field(default=0.0, kw_only=True)
 
     def because(self) -> str:
-        """``pot1 weighs 3.9 kg with the 1.5 kg in it or on it, the hand carries 1.5 kg``."""
+        """``pot1 weighs 3.9 kg with the 1.5 kg in it or on it, both hands carry 3 kg: of that 0.9 kg have to go``."""
         carry = "the hand carries" if self.hands == 1 else "both hands carry"
         load = f" with the {self.load:g} kg in it or on it" if self.load else ""
-        return f"{self.what} weighs {self.mass:g} kg{load}, {carry} {self.payload:g} kg"
+        excess = self.mass - self.payload
+        helps = f": of that {excess:.3g} kg have to go" if 0 < excess <= self.load else ""
+        return f"{self.what} weighs {self.mass:g} kg{load}, {carry} {self.payload:g} kg{helps}"
 
 
 @dataclass(eq=False, repr=False)
 class HandsLacking(LocationUnresolvable):
-    """The object takes ``needed`` hands, but ``hands`` are there; ``alone``: enough are, but the action is for one."""
+    """The object takes ``needed`` hands, but only ``hands`` of those that the robot has (``of``) are free.
+
+    ``alone``: enough are, but the action is for one.
+    """
 
     what: str | None = field(default=None, kw_only=True)
     needed: int = field(default=2, kw_only=True)
     hands: int = field(default=0, kw_only=True)
+    of: int = field(default=0, kw_only=True)
     alone: bool = field(default=False, kw_only=True)
 
     def because(self) -> str:
-        """``tray1 takes 2 hands, 1 is there for it``."""
-        alone = "and was asked of one alone (PickingUpAnObject takes it with all)"
-        there = alone if self.alone else f"{self.hands} {'is' if self.hands == 1 else 'are'} there for it"
+        """``tray1 takes 2 hands, the robot has 1``."""
+        there = f"the robot has {self.of}"
+        if self.alone:
+            there = "and was asked of one alone (PickingUpAnObject takes it with all)"
+        elif self.of >= self.needed:
+            there = f"only {self.hands} of {self.of} {'is' if self.hands == 1 else 'are'} free: empty the others first"
         return f"{self.what} takes {self.needed} hands, {there}"
 
 

@@ -159,8 +159,8 @@ def test_the_tray_falls_with_what_is_on_it_when_one_hand_opens(stage_of: MakeSta
 def test_too_few_hands_are_refused_with_both_numbers(stage_of: MakeStage, number: int) -> None:
     stage = stage_of(TABLE, replace(TRAY, hands=3 - number), replace(CUP, mass=4.0 * number))
     failure, said = (
-        (HandsLacking, "takes 3 hands, 2 are there for it"),
-        (TooHeavy, "weighs 4.8 kg with the 4 kg in it or on it, both hands carry 3.6 kg"),
+        (HandsLacking, "takes 3 hands, the robot has 2"),
+        (TooHeavy, "weighs 4.8 kg with the 4 kg in it or on it, both hands carry 3.6 kg: of that 1.2 kg have to go"),
     )[number]
     with pytest.raises(failure, match=said):
         taken(stage)
