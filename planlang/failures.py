@@ -336,13 +336,21 @@ class LocationUnresolvable(DesignatorFailure):
 
 @dataclass(eq=False, repr=False)
 class BehindClosedDoor(LocationUnresolvable):
-    """The target is behind a closed door or in a closed drawer. ``door`` names it."""
+    """The target is behind a door that is closed, or not open far enough, or in a closed drawer. ``door`` names it.
+
+    ``further`` are doors between rooms behind it, on the way to the target.
+    """
 
     what: str | None = field(default=None, kw_only=True)
     door: Object | None = field(default=None, kw_only=True)
+    further: tuple[Object, ...] = field(default=(), kw_only=True)
 
     def because(self) -> str:
         """``bottle1 is behind door1, which is closed``."""
+        if self.figures:
+            return self.figures
+        if self.further:
+            return f"{self.what} is behind {' and '.join(map(str, (self.door, *self.further)))}, which are closed"
         return f"{self.what} is {'' if self.what == str(self.door) else f'behind {self.door}, which is '}closed"
 
 
