@@ -324,9 +324,8 @@ class LocationUnresolvable(DesignatorFailure):
     def describe(self) -> str:
         """``no place found for DESIGNATOR: FIGURES (312 candidates: 112 in collision; in the way: bed1 96, ...)``."""
         wanted = f" for {self.designator}" if self.designator else ""
-        found = "only one place was" if self.after == 1 else f"only {self.after} places were"
-        failed = f"{found} found{wanted}, and {'it' if self.after == 1 else 'each'} failed"
-        text = failed if self.after else f"{self.text}{wanted}"
+        found, each = ("one place was", "it") if self.after == 1 else (f"{self.after} places were", "each")
+        text = f"only {found} found{wanted}, and {each} failed" if self.after else f"{self.text}{wanted}"
         text = f"{text}: {sentence}" if (sentence := self.because()) else text
         return f"{text} ({counted})" if (counted := counts_in_words(self.counts, self.blocking)) else text
 

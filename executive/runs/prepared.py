@@ -122,12 +122,12 @@ def prepared(options: RunOptions) -> RunFiles:
     refuse(problems)
     accepted(options.accept)
     changes = _changes(options.apply)
-    start = next((one.value for one in changes if one.what == "start" and isinstance(one.value, tuple)), None)
+    start = next((planar(one.value) for one in changes if one.what == "start"), None)
     options = replace(
         options,
         **{name: getattr(options, name) or value for name, value in header.settings.items()},
         task=options.task or header.task,
-        start=options.start or (start and planar(start)) or header.start,
+        start=options.start or start or header.start,
         schedule=header.schedule if options.schedule is None else options.schedule,
         trace=options.trace or (options.resume if options.repeated is None else None),
         models=options.models or None,
