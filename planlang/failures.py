@@ -306,11 +306,9 @@ class DesignatorFailure(PlanFailure):
 
 @dataclass(eq=False, repr=False)
 class LocationUnresolvable(DesignatorFailure):
-    """Every candidate was rejected: ``counts`` by reason, ``blocking`` by body in the way.
+    """Every candidate was rejected: ``counts`` by reason, ``blocking`` by body in the way. ``after`` places failed.
 
-    ``figures`` has what was measured and what helps, ``changes`` this as data, ``first`` an action that makes a place;
-    ``after`` places failed as well.
-    """
+    ``figures`` has what was measured and what helps, ``changes`` this as data, ``first`` an action that helps."""
 
     counts: Mapping[str, int] = field(default_factory=dict, kw_only=True)
     blocking: Mapping[str, int] = field(default_factory=dict, kw_only=True)
@@ -336,10 +334,7 @@ class LocationUnresolvable(DesignatorFailure):
 
 @dataclass(eq=False, repr=False)
 class BehindClosedDoor(LocationUnresolvable):
-    """The target is behind a door that is closed, or not open far enough, or in a closed drawer. ``door`` names it.
-
-    ``further`` are doors between rooms behind it, on the way to the target.
-    """
+    """The target is behind ``door`` and ``further`` ones of the way, not open far enough, or in a closed drawer."""
 
     what: str | None = field(default=None, kw_only=True)
     door: Object | None = field(default=None, kw_only=True)
@@ -347,11 +342,9 @@ class BehindClosedDoor(LocationUnresolvable):
 
     def because(self) -> str:
         """``bottle1 is behind door1, which is closed``."""
-        if self.figures:
-            return self.figures
-        if self.further:
-            return f"{self.what} is behind {' and '.join(map(str, (self.door, *self.further)))}, which are closed"
-        return f"{self.what} is {'' if self.what == str(self.door) else f'behind {self.door}, which is '}closed"
+        doors = " and ".join(map(str, (self.door, *self.further)))
+        closed = "closed" if self.what == doors else f"behind {doors}, which {'are' if self.further else 'is'} closed"
+        return self.figures or f"{self.what} is {closed}"
 
 
 @dataclass(eq=False, repr=False)
@@ -436,9 +429,8 @@ class CompositeFailure(PlanFailure):
 
     def describe(self) -> str:
         """``all branches failed: NAME: MESSAGE; ...``."""
-        if not self.failures:
-            return "there was no branch that could succeed"
-        return f"{self.text}: {'; '.join(f'{n}: {f}' for n, f in zip(self.names, self.failures, strict=True))}"
+        told = "; ".join(f"{name}: {one}" for name, one in zip(self.names, self.failures, strict=True))
+        return f"{self.text}: {told}" if self.failures else "there was no branch that could succeed"
 
 
 @dataclass(eq=False, repr=False)
