@@ -123,8 +123,7 @@ class BaseValidator:
         if reach.kind is ReachKind.GRASP and (needed := self.scene.bodies.hands(reach.body)) > 1:
             hands = self.scene.arms.hands
             empty = sum(self.scene.arms.held(arm.name) is None for arm in hands)
-            numbers = {"needed": needed, "hands": empty, "of": len(hands)}
-            raise HandsLacking(designator=str(location), what=reach.body, alone=empty >= needed, **numbers)
+            raise HandsLacking(designator=str(location), what=reach.body, needed=needed, hands=empty, of=len(hands))
         able = self.arms_for(reach, self.scene.arms.all)
         if reach.kind is ReachKind.PLACE and not any(self.scene.arms.held(arm.name) for arm in able):
             raise LocationUnresolvable(figures=self._not_in_hand(reach), designator=str(location))
