@@ -84,7 +84,8 @@ def explain_bases(
         if closing := explanation.closing() if reason == NO_WAY else ():
             advice = changes.without_one_of(closing)
         else:
-            log.first, advice = changes.by_the_robot(once_moved or is_feasible)
+            grasps = wanted[0].kind is ReachKind.GRASP
+            log.first, advice = changes.by_the_robot(once_moved or is_feasible, grasps=grasps)
             advice = advice or changes.helping()
         helping = changes.none_found() if advice is None else advice.sentence
         log.changes = () if advice is None else advice.changes
