@@ -215,7 +215,7 @@ def look_and_repeat(what: Object) -> Do:
 
 @recovery_strategy("OpenWhatIsInTheWay", about_object=True, moves_base=True)
 def open_what_is_in_the_way(what: Object) -> Do:
-    """Open the closed door or drawer that hides the object, then run the body again.
+    """Open the closed door or drawer that hides the object, or the doors on the way to it, then run the body again.
 
     If the search for places has found that there is one once something else was done, such as closing a drawer that is
     open before it, or opening a door further, that is done first. What was opened stays open: the plan may want the
@@ -228,9 +228,9 @@ def open_what_is_in_the_way(what: Object) -> Do:
         closed = next((link for link in failure.chain() if isinstance(link, BehindClosedDoor)), None)
         if closed is None or closed.door is None:
             return await _made_way(failure)
-        opening = action("OpeningAContainerArtifact", object_acted_on=closed.door)
-        again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(closed.door), retries=AGAIN)
-        await perform(opening, recoveries=[again])
+        for door in (closed.door, *closed.further):
+            again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(door), retries=AGAIN)
+            await perform(action("OpeningAContainerArtifact", object_acted_on=door), recoveries=[again])
         return RETRY
 
     return open_it
