@@ -135,7 +135,7 @@ class LeafPaths:
             return [by[number] for number in order.tolist()]
         return sorted(by, key=lambda one: not on_side_of_handle(scene, one, here)[0]) if len(by) > 1 else by
 
-    def _reach(self, scene: PlanningScene) -> bool:
+    def is_reached(self, scene: PlanningScene) -> bool:
         """Check whether an arm would reach the handle from a free base pose in a scene that is supposed.
 
         Ignores collisions of the arm.
@@ -153,7 +153,7 @@ class LeafPaths:
 
     def _moves(self, scene: PlanningScene) -> bool:
         """Check whether a path moves the leaf far enough in a scene that is supposed, within a few batches."""
-        if not self._reach(scene):  # the cheaper question
+        if not self.is_reached(scene):  # the cheaper question
             return False
         value, sufficient = float(self._values[-1]), float(self._values[self._enough - 1])
         paths = LeafPaths(scene, self._joint).towards(value, self._tried, sufficient)
