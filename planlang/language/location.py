@@ -28,6 +28,7 @@ from planlang.failures import (
     PlanFailure,
 )
 from planlang.kernel import Scope, Status, Task, WorldFluent, failure_of, wait_for
+from planlang.kernel.core import here
 from planlang.kernel.primitives import node, record
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
@@ -246,6 +247,7 @@ class _Visit:
         self._solution = solution
         for _ in range(MAX_DISPLACEMENTS + 1):
             await self._go(solution)
+            here()[1].node.begin_attempt()
             attended = _BodyAtPose(self, body)
             result = await attended.execute()
             if not attended.displaced:

@@ -241,6 +241,7 @@ async def _attempts(body: Callable[..., Awaitable[V]], entries: list[_Entry]) ->
     attempt = 0
     while True:
         attempt += 1
+        here()[1].node.begin_attempt()
         record("attempt", attempt=attempt, **({"alternatives": keywords} if keywords else {}))
         try:
             return await called(body, **keywords)
