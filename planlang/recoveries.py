@@ -223,27 +223,25 @@ def open_what_is_in_the_way(what: Object) -> Do:
 
     Usage("open_what_is_in_the_way", {"what": "bottle"}).instance("what", what, Object, "an object")
 
-    async def open_it(failure: PlanFailure) -> RecoveryResult:
-        closed = next((link for link in failure.chain() if isinstance(link, BehindClosedDoor)), None)
-        if closed is None or closed.door is None:
-            return await _made_way(failure)
-        opening = action("OpeningAContainerArtifact", object_acted_on=closed.door)
-        again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(closed.door), retries=AGAIN)
-        await perform(opening, recoveries=[again])
-        return RETRY
-
-    return open_it
+    return _made_way
 
 
 async def _made_way(failure: PlanFailure) -> RecoveryResult:
-    """Do what makes a place for the location that had none, as the search for it has found, if it has."""
-    unresolved = (link for link in failure.chain() if isinstance(link, LocationUnresolvable))
-    first = next((link.first for link in unresolved if link.first is not None), None)
-    if first is None:
-        return PROPAGATE
-    with suppress(PlanFailure):
-        await perform(first)
+    """Open the closed door that is in the way, or do what else makes a place, as the search for it has found.
+
+    A failure of the opening is raised: that is why. Of what else was tried, it says nothing new.
+    """
+    unresolved = [link for link in failure.chain() if isinstance(link, LocationUnresolvable)]
+    closed = next((link.door for link in unresolved if isinstance(link, BehindClosedDoor) and link.door), None)
+    if closed is not None:
+        again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(closed), retries=AGAIN)
+        await perform(action("OpeningAContainerArtifact", object_acted_on=closed), recoveries=[again])
         return RETRY
+    first = next((link.first for link in unresolved if link.first is not None), None)
+    with suppress(PlanFailure):
+        if first is not None:
+            await perform(first)
+            return RETRY
     return PROPAGATE
 
 

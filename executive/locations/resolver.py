@@ -53,7 +53,7 @@ from executive.locations.search import search_bases
 from executive.locations.shut_ways import shut_on_the_way
 from executive.locations.validation import BaseValidator
 from executive.robots.arms import ArmModel
-from planlang.designators import Device, Location, Object, action
+from planlang.designators import Device, Location, Object
 from planlang.failures import BehindClosedDoor, DesignatorFailure, LocationUnresolvable, MissingCapability, PlanFailure
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Clear, Facing, Region
@@ -197,8 +197,7 @@ class Resolver:
         if door is not None:
             names = (*(reach.body for reach in demand.reaches), *(one.name for one in location.things()), str(location))
             leaf = self.scene.bodies.designator(door)
-            first = action("OpeningAContainerArtifact", object_acted_on=leaf)
-            raise BehindClosedDoor(designator=str(location), what=names[0], door=leaf, first=first)
+            raise BehindClosedDoor(designator=str(location), what=names[0], door=leaf)
 
     def _question(self, location: Location) -> Question:
         """Start a new question about a location."""
