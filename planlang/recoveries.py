@@ -214,7 +214,7 @@ def look_and_repeat(what: Object) -> Do:
 
 @recovery_strategy("OpenWhatIsInTheWay", about_object=True, moves_base=True)
 def open_what_is_in_the_way(what: Object) -> Do:
-    """Open the closed door or drawer that hides the object, then run the body again.
+    """Open the closed door or drawer that hides the object, or the doors on the way to it, then run the body again.
 
     If the search for places has found that there is one once something else was done, such as closing a drawer that is
     open before it, or opening a door further, that is done first. What was opened stays open: the plan may want the
@@ -223,25 +223,27 @@ def open_what_is_in_the_way(what: Object) -> Do:
 
     Usage("open_what_is_in_the_way", {"what": "bottle"}).instance("what", what, Object, "an object")
 
-    return _made_way
+    async def open_it(failure: PlanFailure) -> RecoveryResult:
+        closed = next((link for link in failure.chain() if isinstance(link, BehindClosedDoor)), None)
+        if closed is None or closed.door is None:
+            return await _made_way(failure)
+        for door in (closed.door, *closed.further):
+            again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(door), retries=AGAIN)
+            await perform(action("OpeningAContainerArtifact", object_acted_on=door), recoveries=[again])
+        return RETRY
+
+    return open_it
 
 
 async def _made_way(failure: PlanFailure) -> RecoveryResult:
-    """Open the closed door that is in the way, or do what else makes a place, as the search for it has found.
-
-    A failure of the opening is raised: that is why. Of what else was tried, it says nothing new.
-    """
-    unresolved = [link for link in failure.chain() if isinstance(link, LocationUnresolvable)]
-    closed = next((link.door for link in unresolved if isinstance(link, BehindClosedDoor) and link.door), None)
-    if closed is not None:
-        again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(closed), retries=AGAIN)
-        await perform(action("OpeningAContainerArtifact", object_acted_on=closed), recoveries=[again])
-        return RETRY
+    """Do what makes a place for the location that had none, as the search for it has found, if it has."""
+    unresolved = (link for link in failure.chain() if isinstance(link, LocationUnresolvable))
     first = next((link.first for link in unresolved if link.first is not None), None)
+    if first is None:
+        return PROPAGATE
     with suppress(PlanFailure):
-        if first is not None:
-            await perform(first)
-            return RETRY
+        await perform(first)
+        return RETRY
     return PROPAGATE
 
 
