@@ -35,8 +35,8 @@ def leaves_used(actions: Iterable[Action], scene: PlanningScene) -> tuple[str, .
     used = {leaf for leaf, one in joints.items() if not names.isdisjoint((*one.bodies, one.holder))}
     for name in names - used:
         if not bodies.is_held(name) and not bodies.is_room(name):
-            around = bodies.drawer_of(name)
-            used |= {one for one in (bodies.closed_before(name), around and around.leaf) if one is not None}
+            drawer, door = bodies.drawer_of(name), bodies.closed_before(name)
+            used |= {*(() if drawer is None else (drawer.leaf,)), *(() if door is None else (door,))}
     return tuple(leaf for leaf, one in joints.items() if leaf in used and not one.is_knob)
 
 

@@ -200,8 +200,13 @@ class LeafWork(HandWork):
         return self.platform.scene.belief.with_leaf(self._joint.leaf, float(value))
 
     def _is_wide_enough(self, state: WorldState) -> bool:
-        """Check whether the next step that reaches through the leaf could do so in a state."""
-        return self._later is None or self.platform.ahead.reaches(self._later, state)
+        """Check whether the next step that reaches through the leaf could do so in a state, if it ever could."""
+        reaches = self.platform.ahead.reaches
+        if self._later is None or reaches(self._later, state):
+            return True
+        if not reaches(self._later, self._moved(self._joint.upper)):
+            self._later = None  # however far it is open: nothing more is asked
+        return self._later is None
 
     def _should_be_wider(self) -> bool:
         """Check whether the next step reaches through the leaf only if that is opened further."""
