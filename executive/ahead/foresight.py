@@ -61,7 +61,7 @@ class Foresight:
 
         for candidate in ordered():
             spent = {name: getattr(self._spent, name) - getattr(before, name) for name in Spent.__slots__}
-            if spent["questions"] > asked:
+            if candidate is not None and spent["questions"] > asked:  # None only gives other tasks a turn
                 asked = spent["questions"]
                 self._scene.belief.tell("looked ahead", {"decision": decision, **spent, "put_off": len(put_off)})
             yield candidate
