@@ -38,6 +38,7 @@ from planlang.language.executive import executive_for
 from planlang.language.location import AGAIN, at_location, make_room
 from planlang.language.performing import perform
 from planlang.language.recovery import PROPAGATE, RETRY, Do, Recovery, RecoveryResult, Return, retry
+from planlang.language.resources import hand_freed
 from planlang.misuse import Usage, written
 from planlang.records import dataclass
 
@@ -314,8 +315,9 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
     """Put the held object down nearby, grasp it differently with the branch ``again``, then run the body again.
 
     Without ``again`` the body itself grasps. If the object cannot be put down, or not grasped differently, the failure
-    propagates; in the latter case the object stays where it was put. If the failure is that no hand is free, the robot
-    puts down what a hand holds; the step that needs that object next grasps it again.
+    propagates; in the latter case the object stays where it was put. If the failure is that no hand is free, a
+    concurrent step that waits with an object in its hand goes on, or else the robot puts down what a hand holds; the
+    step that needs that object next grasps it again.
     """
 
     regrasping = Usage("put_down_and_regrasp", {"what": "bottle"}, {"again": "fetch_bottle"})
@@ -324,6 +326,8 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
         regrasping.branch("again", again)
 
     async def regrasp(failure: PlanFailure) -> RecoveryResult:
+        if await hand_freed(failure):
+            return RETRY
         full = next((link for link in failure.chain() if isinstance(link, HandsFull)), None)
         is_held = executive_for("put_down_and_regrasp").holds(Condition("holding", (what,)))
         if is_held == (full is not None):  # the failure is about something else

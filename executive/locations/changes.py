@@ -16,6 +16,7 @@ from executive.belief.planning_scene import PlanningScene
 from executive.locations.reachability import CELL
 from executive.locations.rejections import Rejections
 from executive.motion import clearance_at
+from executive.robots.arms import called
 from planlang.advice import ABSENT, POSITION, TRANSLATION, Advice, Change
 from planlang.designators import Action, action
 from planlang.geometry import Array, Pose
@@ -49,6 +50,7 @@ FURTHER = 0.9
 DIGITS = 6
 """Decimal places of what a change states [m, rad]."""
 OPEN, CLOSE = "OpeningAContainerArtifact", "ClosingAContainerArtifact"
+SET_ASIDE = "SettingAsideAnObject"
 
 IsFeasible = Callable[[PlanningScene], bool]
 """Check whether a scene, which is supposed, has a base pose."""
@@ -123,8 +125,9 @@ class Changes:
         return self._once_left() or self.nearer() or self._without() or self._let_down()
 
     def by_the_robot(self, once_moved: IsFeasible) -> tuple[Action | None, Advice | None]:
-        """Find an action of the robot that helps, and its advice: to close what is open near the thing, or to open it
-        further; None and None if neither does.
+        """Find an action of the robot that helps, and its advice; None and None if there is none.
+
+        It closes what is open near the thing, opens it further, or puts down what the hand holds that would reach it.
         """
         for joint, value in self._leaves_near():
             name, now = joint.leaf, self.scene.belief.joint(joint.leaf)
@@ -138,6 +141,18 @@ class Changes:
                 opening = action(OPEN, object_acted_on=what, all_the_way=True)
                 wide = f"{_measure(joint, value)} instead of {_measure(joint, now)}"
                 return opening, Advice(f"with {name} open by {wide}, {self.body} could be reached", moved)
+        return self._with_an_empty_hand(once_moved)
+
+    def _with_an_empty_hand(self, once_moved: IsFeasible) -> tuple[Action | None, Advice | None]:
+        """Find a held thing that has to be put down because only the hand that holds it reaches the other thing."""
+        state = self.scene.belief.state
+        for name, grip in state.held.items() if self.body not in state.held else ():
+            others = {other: one for other, one in state.held.items() if other != name}
+            gone = replace(state.placed({name: None}), held=others)
+            if len(grip.arms) == 1 and once_moved(self.scene.supposing(gone)):
+                down = action(SET_ASIDE, object_acted_on=self.scene.bodies.designator(name))
+                only = f"only {called(grip.arm)}, which holds {name}, reaches {self.body}"
+                return down, Advice(f"{only}: fetch {self.body} before {name}", ())
         return None, None
 
     def _leaves_near(self) -> Iterator[tuple[Articulation, float]]:

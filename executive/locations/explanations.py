@@ -77,7 +77,7 @@ def explain_bases(
         NO_WAY: explanation.no_way,
     }
     measured = makers[reason]() if reason in makers else ""
-    helping = ""
+    helping, advice = "", None
     if is_feasible is not None and not (reason == NO_WAY and explanation.narrow is not None):
         changes = Changes(wanted[0].body, scene, log, is_feasible, needed=needed)
         # where something closes the way, nothing that is done to the thing opens it
@@ -88,7 +88,7 @@ def explain_bases(
             advice = advice or changes.helping()
         helping = changes.none_found() if advice is None else advice.sentence
         log.changes = () if advice is None else advice.changes
-    if not log.changes and (instead := explanation.excluded() or explanation.no_hold()):
+    if advice is None and (instead := explanation.excluded() or explanation.no_hold()):
         measured, helping = instead, ""
     if measured or helping:
         log.figures[reason] = "; ".join(filter(None, (measured, helping)))

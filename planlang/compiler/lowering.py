@@ -34,6 +34,7 @@ from planlang.compiler.tree import (
     Scope,
     Series,
 )
+from planlang.compiler.turns import Turns
 from planlang.designators import snake_case
 from planlang.diagnostics import Diagnostic, note
 from planlang.effects import effects_of
@@ -65,6 +66,7 @@ class Lowering:
     def tree(self) -> PlanTree:
         """Build the plan tree of all recipes."""
         functions = [self._function(recipe) for recipe in callees_first(self._recipes) if recipe.within is None]
+        functions = [self._steps.turns.added(function) for function in functions]
         steps = (step for recipe in self._recipes.recipes.values() for step in self._terms.steps(recipe))
         steps = (step for step in steps if not step.is_choice)
         classes = stated_classes(self._actions.ontology, map(self._terms.performed_class, steps))
@@ -85,6 +87,7 @@ class Lowering:
             recoveries += chooser.going_back(recipe.action_class, about)
             if recoveries:
                 body = Series((Handle(body, recoveries),))
+        self._steps.turns.bodies[recipe.iri] = body
         return Function(recipe.iri, recipe.label, self._terms.parameters(recipe), body)
 
     def _machine(self, recipe: Recipe) -> Series:
@@ -216,7 +219,7 @@ class Steps:
         """Recipe -> things that it holds at its end, with the recoveries from losing them in later steps."""
         self._unrepeatable: dict[str, bool] = {}
         """Recipe (IRI) -> whether it has a step that must not be repeated, directly or in a recipe below it."""
-
+        self.turns = Turns()
         self.recoveries_in_words: dict[tuple[str, str], tuple[str, ...]] = {}
         """(Recipe, step) (IRIs) -> recoveries, in words."""
 
@@ -244,7 +247,7 @@ class Steps:
         leaving = self.recoveries.around_scope(step)
         self.recoveries_in_words[recipe.iri, step.iri] = tuple(map(_in_words, (*recoveries, *leaving)))
         if step.iri in holding:
-            node = Hold(step.name, self._roles.of(recipe, step), node)
+            node = Hold(step.name, self._roles.of(recipe, step), node, self.turns.among(step.recipes))
         return node
 
     def _alternatives(self, step: Step) -> Iterator[tuple[str, Node]]:
