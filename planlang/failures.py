@@ -358,26 +358,26 @@ class TooHeavy(LocationUnresolvable):
     load: float = field(default=0.0, kw_only=True)
 
     def because(self) -> str:
-        """``pot1 weighs 3.9 kg with the 1.5 kg in it or on it, the hand carries 1.5 kg``."""
-        carry = "the hand carries" if self.hands == 1 else "both hands carry"
+        """``pot1 weighs 3.9 kg with the 1.5 kg in it or on it, both hands carry 3 kg: 0.9 kg too much``."""
+        carry = f"{'the hand carries' if self.hands == 1 else 'both hands carry'} {self.payload:g} kg"
         load = f" with the {self.load:g} kg in it or on it" if self.load else ""
-        return f"{self.what} weighs {self.mass:g} kg{load}, {carry} {self.payload:g} kg"
+        return f"{self.what} weighs {self.mass:g} kg{load}, {carry}: {self.mass - self.payload:.3g} kg too much"
 
 
 @dataclass(eq=False, repr=False)
 class HandsLacking(LocationUnresolvable):
-    """The object takes ``needed`` hands, but ``hands`` are there; ``alone``: enough are, but the action is for one."""
+    """The object takes ``needed`` hands, the robot has ``of``, ``hands`` are free: if enough, one was asked alone."""
 
     what: str | None = field(default=None, kw_only=True)
     needed: int = field(default=2, kw_only=True)
     hands: int = field(default=0, kw_only=True)
-    alone: bool = field(default=False, kw_only=True)
+    of: int = field(default=0, kw_only=True)
 
     def because(self) -> str:
-        """``tray1 takes 2 hands, 1 is there for it``."""
-        alone = "and was asked of one alone (PickingUpAnObject takes it with all)"
-        there = alone if self.alone else f"{self.hands} {'is' if self.hands == 1 else 'are'} there for it"
-        return f"{self.what} takes {self.needed} hands, {there}"
+        """``tray1 takes 2 hands, the robot has 1``."""
+        there = f"the robot has {self.of}" if self.of < self.needed else f"{self.hands} of {self.of} are free"
+        alone = "" if self.hands < self.needed else ", but one was asked alone (PickingUpAnObject asks all)"
+        return f"{self.what} takes {self.needed} hands, {there}{alone}"
 
 
 @dataclass(eq=False, repr=False)

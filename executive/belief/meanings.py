@@ -75,6 +75,8 @@ class Choice:
         if not free and things and mine:
             step = self.performance.step.rpartition("/")[2].partition(" ")[0]
             told = f"no {self.what} is left for {step}: done already with {', '.join(things)}"
+            if self.performance.is_round:
+                told = f"{told}; repeat it less often, or say in the loop's condition where a {self.what} has to be"
             raise ObjectUnresolvable(told, designator=str(self.what))
         best = free or [name for name in things if name not in in_group]
         if self.lasts and (carried := [name for name in best if name in held]):
