@@ -11,6 +11,7 @@ import pytest
 
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.changes import Changes, with_changes
+from executive.locations.explanations import height_of
 from executive.locations.rejections import Rejections
 from planlang import perform
 from planlang.designators import Location, a_location, action, an_object
@@ -184,3 +185,13 @@ def test_what_the_plan_around_acts_on_is_not_supposed_away(make_stage: MakeStage
     stage.run(partial(perform, action("Cleaning", object_acted_on=THE_BELL), otherwise=search))
     assert "bell" in figures[0]
     assert "without bell" not in figures[0]
+
+
+@pytest.mark.parametrize(
+    ("height", "told"), [(0.1, r"0\.1\d m too low; the \w+ arm reaches down to 0\.2\d m"), (0.9, "$")]
+)
+def test_a_handle_is_said_to_be_too_low_for_the_hands_with_both_heights(
+    make_stage: MakeStage, height: float, told: str
+) -> None:
+    scene = make_stage(replace(BOTTLE, pose=Pose((1.5, 0.0, height)))).platform.scene
+    assert re.match(rf"bottle is at {height:.2f} m(, )?{told}", height_of("bottle", scene, scene.arms.all))
