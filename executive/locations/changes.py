@@ -17,7 +17,7 @@ from executive.locations.reachability import CELL
 from executive.locations.rejections import Rejections
 from executive.motion import clearance_at
 from executive.robots.arms import called
-from planlang.advice import ABSENT, POSITION, TRANSLATION, Advice, Change
+from planlang.advice import ABSENT, POSITION, START, TRANSLATION, Advice, Change
 from planlang.designators import Action, action
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Block
@@ -41,6 +41,8 @@ TOWARDS = 0.7
 GRAZING = 5e-3
 """Height by which a displaced thing may overlap others [m]: it stands on one of them."""
 
+STARTS, MOST_STARTS = (0.45, 0.6, 0.75), 5
+"""Distances from a thing at which a robot that does not drive is started for trial [m], and number of trials."""
 AROUND = 1.5
 """Distance from the thing within which open doors and drawers are closed, or opened further, for trial [m]."""
 MOST_LEAVES = 2
@@ -70,8 +72,13 @@ def with_supports(names: Iterable[str], bodies: BelievedBodies) -> set[str]:
 def with_changes(belief: Belief, changes: Iterable[Change]) -> WorldState:
     """Make the state of a belief with changes of the map, of which at most one moves a leaf."""
     changes = tuple(changes)
+    start = next((one.value for one in changes if one.what == START), None)
     leaf = next((one for one in changes if one.what == POSITION), None)
     state = belief.state if leaf is None else belief.with_leaf(str(leaf.thing), _opening(belief, leaf))
+    if isinstance(start, tuple):
+        x, y, yaw = start
+        configuration = replace(state.robots[belief.robot], base=(x, y, yaw))
+        state = state.with_robot(belief.robot, configuration)
     poses: dict[str, Pose | None] = {}
     for change in changes:
         name = str(change.thing)
@@ -121,8 +128,10 @@ class Changes:
         self._left, self._in_vain = MOST_SEARCHES, list[str]()
 
     def helping(self) -> Advice | None:
-        """Find a change that helps: another robot away, the thing at an edge, without a body, or let down."""
-        return self._once_left() or self.nearer() or self._without() or self._let_down()
+        """Find a change that helps: another start of what does not drive, another robot away, the thing at an edge,
+        without a body, or let down.
+        """
+        return self._started() or self._once_left() or self.nearer() or self._without() or self._let_down()
 
     def by_the_robot(self, once_moved: IsFeasible, *, grasps: bool = False) -> tuple[Action | None, Advice | None]:
         """Find an action of the robot that helps, and its advice; None and None if there is none.
@@ -170,6 +179,28 @@ class Changes:
             if scene.belief.joint(joint.leaf) < FURTHER * joint.upper:
                 yield joint, joint.upper
             yield joint, 0.0
+
+    def _started(self) -> Advice | None:
+        """Find from where a robot that does not drive would reach the thing, facing it; None if it drives."""
+        if not self.scene.robot.base.fixed:
+            return None
+        x, y, _ = self.scene.bodies.pose(self.body).position
+        own_x, own_y, _ = self.scene.base()
+        first = math.atan2(own_y - y, own_x - x)
+        turns = [first + step * math.pi / 4 for step in (0, 1, -1, 2, -2, 3, -3, 4)]
+        bases = [
+            (round(x + away * math.cos(turn), 2), round(y + away * math.sin(turn), 2), round(turn - math.pi, 2))
+            for turn in turns
+            for away in STARTS
+        ]
+        holds = self.scene.collisions.floor().holds(np.array(bases))
+        for base in islice((base for base, fits in zip(bases, holds, strict=True) if fits), MOST_STARTS):
+            change = (Change(START, base),)
+            at = f"started at x = {base[0]:.2f}, y = {base[1]:.2f}"
+            if self._helps(change):
+                return Advice(f"{at}, yaw = {base[2]:.2f}, the robot could reach {self.body}", change)
+            self._in_vain.append(at)
+        return None
 
     def _once_left(self) -> Advice | None:
         """Name what drives by itself, if that is in the way where it is now."""

@@ -65,6 +65,8 @@ def explain_bases(
     The ``needed`` bodies are part of the location or the plan: leaving them out helps nobody.
     """
     log = question.log
+    if wanted and scene.robot.base.fixed and not log.counts:
+        log.add(OUT_OF_REACH.text)  # of the only base pose that it has
     if not wanted or not log.counts:
         return
     explanation = _Explanation(wanted[0], arms, scene, inverse, question, needed)
@@ -187,7 +189,8 @@ class _Explanation:
     def out_of_reach(self) -> str:
         """Return by how much the thing is too high or too low; else how near the base gets, and how far arms reach."""
         if not (said := self.too_high()):
-            return "; ".join(filter(None, (self._too_far(), self.in_collision())))
+            too_far = self.too_far_from(self.scene.base()) if self.scene.robot.base.fixed else self._too_far()
+            return "; ".join(filter(None, (too_far, self.in_collision())))
         return "; ".join(filter(None, (said, self.in_collision() if self.log.counts[COLLISION] else "")))
 
     def too_high(self) -> str:

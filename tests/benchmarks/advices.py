@@ -23,6 +23,7 @@ from typing import Any
 
 from executive.sweeps import Row
 from executive.sweeps import run as sweep
+from executive.sweeps.records import Done
 from tests.benchmarks.advice_rooms import KINDS, hard_room
 from tests.benchmarks.homes.furnishing import NoRoom
 from tests.benchmarks.homes.series import Case
@@ -96,16 +97,21 @@ def worlds(given: argparse.Namespace) -> Iterator[dict[str, Any]]:
             yield {"world": f"{name} {seed} {robot}", "template": name, "seed": seed, "robot": robot}
 
 
+def say(done: Done) -> None:
+    """Print how one task ended, and what became of its advice."""
+    row = done.row
+    first, then = (str(row.get(key, "")).partition("\n")[0][:260] for key in ("message", "then"))
+    if "verdict" not in row:
+        print(f"{row['world']:24} {row['outcome']}, no advice: {first}", flush=True)
+    elif is_true(row):
+        print(f"{row['world']:24} {row['verdict']}: {first}", flush=True)
+    else:
+        print(f"{row['world']:24} FALSE, {row['verdict']}: {first}\n    then: {then}", flush=True)
+
+
 def told(rows: Sequence[Row]) -> str:
-    """Return a line for each advice, then counts by kind."""
-    advised = [row for row in rows if "verdict" in row]
-    lines = []
-    for row in advised:
-        mark = "" if row["verdict"] in TRUE else "FALSE "
-        first = row["message"].partition("\n")[0]
-        lines.append(f"{row['world']:24} {mark}{row['verdict']}: {first[:260]}")
-        if mark:
-            lines.append(f"    then: {row['then'].partition(chr(10))[0][:260]}")
+    """Return the counts of true advices by kind, and in all."""
+    advised, lines = [row for row in rows if "verdict" in row], list[str]()
     kinds: dict[str, list[Row]] = {}
     for row in advised:
         kinds.setdefault(row["changes"][0].get("property", "option"), []).append(row)
@@ -134,7 +140,7 @@ def main(words: Sequence[str] | None = None) -> int:
     each = worlds(given)
     while sum("verdict" in row for row in rows) < given.number and len(rows) < SURELY * given.number:
         missing = given.number - sum("verdict" in row for row in rows)
-        found = sweep(list(islice(each, missing)), JOB, processes=given.jobs)
+        found = sweep(list(islice(each, missing)), JOB, processes=given.jobs, told=say)
         rows += found
     print(told(rows))
     advised = [row for row in rows if "verdict" in row]
