@@ -90,6 +90,7 @@ from planlang.language.recovery import Return as Return
 from planlang.language.recovery import explain as explain
 from planlang.language.recovery import retry as retry
 from planlang.language.recovery import with_failure_handling as with_failure_handling
+from planlang.language.resources import give_turn as give_turn
 from planlang.language.resources import using as using
 from planlang.language.running import run as run
 from planlang.language.state_machine import state_machine as state_machine

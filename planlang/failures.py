@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import field
 from typing import ClassVar
 
+from planlang.advice import Change
 from planlang.closure import grouped
 from planlang.designators import Action, Object
 from planlang.plan_failure import PlanFailure as PlanFailure
@@ -299,33 +300,30 @@ class DesignatorFailure(PlanFailure):
     def describe(self) -> str:
         """Return ``TEXT: DESIGNATOR (details)``."""
         rest = in_words({key: value for key, value in self.details().items() if key != "designator"})
-        text = f"{self.text}: {self.designator}" if self.designator else self.text
+        text = f"{self.text}{f': {self.designator}' if self.designator else ''}"
         return f"{text} ({rest})" if rest else text
 
 
 @dataclass(eq=False, repr=False)
 class LocationUnresolvable(DesignatorFailure):
-    """Every candidate was rejected. ``counts`` has their number by reason, ``blocking`` by body in the way.
+    """Every candidate was rejected: ``counts`` by reason, ``blocking`` by body in the way. ``after`` places failed.
 
-    ``figures`` is a sentence about the most frequent reason: the measured value and the value that is needed. ``after``
-    is the number of places that were found before and failed as well. ``first`` is an action that makes a place.
-    """
+    ``figures`` has what was measured and what helps, ``changes`` this as data, ``first`` an action that helps."""
 
     counts: Mapping[str, int] = field(default_factory=dict, kw_only=True)
     blocking: Mapping[str, int] = field(default_factory=dict, kw_only=True)
     figures: str = field(default="", kw_only=True)
     after: int = field(default=0, kw_only=True)
     first: Action | None = field(default=None, kw_only=True)
+    changes: tuple[Change, ...] = field(default=(), kw_only=True)
 
     text: ClassVar[str] = "no place found"
 
     def describe(self) -> str:
         """``no place found for DESIGNATOR: FIGURES (312 candidates: 112 in collision; in the way: bed1 96, ...)``."""
         wanted = f" for {self.designator}" if self.designator else ""
-        text = f"{self.text}{wanted}"
-        if self.after:
-            found = "only one place was" if self.after == 1 else f"only {self.after} places were"
-            text = f"{found} found{wanted}, and {'it' if self.after == 1 else 'each'} failed"
+        found, each = ("one place was", "it") if self.after == 1 else (f"{self.after} places were", "each")
+        text = f"only {found} found{wanted}, and {each} failed" if self.after else f"{self.text}{wanted}"
         text = f"{text}: {sentence}" if (sentence := self.because()) else text
         return f"{text} ({counted})" if (counted := counts_in_words(self.counts, self.blocking)) else text
 
@@ -336,14 +334,17 @@ class LocationUnresolvable(DesignatorFailure):
 
 @dataclass(eq=False, repr=False)
 class BehindClosedDoor(LocationUnresolvable):
-    """The target is behind a closed door or in a closed drawer. ``door`` names it."""
+    """The target is behind ``door`` and ``further`` ones of the way, not open far enough, or in a closed drawer."""
 
     what: str | None = field(default=None, kw_only=True)
     door: Object | None = field(default=None, kw_only=True)
+    further: tuple[Object, ...] = field(default=(), kw_only=True)
 
     def because(self) -> str:
         """``bottle1 is behind door1, which is closed``."""
-        return f"{self.what} is {'' if self.what == str(self.door) else f'behind {self.door}, which is '}closed"
+        doors = " and ".join(map(str, (self.door, *self.further)))
+        closed = "closed" if self.what == doors else f"behind {doors}, which {'are' if self.further else 'is'} closed"
+        return self.figures or f"{self.what} is {closed}"
 
 
 @dataclass(eq=False, repr=False)
@@ -357,26 +358,26 @@ class TooHeavy(LocationUnresolvable):
     load: float = field(default=0.0, kw_only=True)
 
     def because(self) -> str:
-        """``pot1 weighs 3.9 kg with the 1.5 kg in it or on it, the hand carries 1.5 kg``."""
-        carry = "the hand carries" if self.hands == 1 else "both hands carry"
+        """``pot1 weighs 3.9 kg with the 1.5 kg in it or on it, both hands carry 3 kg: 0.9 kg too much``."""
+        carry = f"{'the hand carries' if self.hands == 1 else 'both hands carry'} {self.payload:g} kg"
         load = f" with the {self.load:g} kg in it or on it" if self.load else ""
-        return f"{self.what} weighs {self.mass:g} kg{load}, {carry} {self.payload:g} kg"
+        return f"{self.what} weighs {self.mass:g} kg{load}, {carry}: {self.mass - self.payload:.3g} kg too much"
 
 
 @dataclass(eq=False, repr=False)
 class HandsLacking(LocationUnresolvable):
-    """The object takes ``needed`` hands, but ``hands`` are there; ``alone``: enough are, but the action is for one."""
+    """The object takes ``needed`` hands, the robot has ``of``, ``hands`` are free: if enough, one was asked alone."""
 
     what: str | None = field(default=None, kw_only=True)
     needed: int = field(default=2, kw_only=True)
     hands: int = field(default=0, kw_only=True)
-    alone: bool = field(default=False, kw_only=True)
+    of: int = field(default=0, kw_only=True)
 
     def because(self) -> str:
-        """``tray1 takes 2 hands, 1 is there for it``."""
-        alone = "and was asked of one alone (PickingUpAnObject takes it with all)"
-        there = alone if self.alone else f"{self.hands} {'is' if self.hands == 1 else 'are'} there for it"
-        return f"{self.what} takes {self.needed} hands, {there}"
+        """``tray1 takes 2 hands, the robot has 1``."""
+        there = f"the robot has {self.of}" if self.of < self.needed else f"{self.hands} of {self.of} are free"
+        alone = "" if self.hands < self.needed else ", but one was asked alone (PickingUpAnObject asks all)"
+        return f"{self.what} takes {self.needed} hands, {there}{alone}"
 
 
 @dataclass(eq=False, repr=False)
@@ -428,9 +429,8 @@ class CompositeFailure(PlanFailure):
 
     def describe(self) -> str:
         """``all branches failed: NAME: MESSAGE; ...``."""
-        if not self.failures:
-            return "there was no branch that could succeed"
-        return f"{self.text}: {'; '.join(f'{n}: {f}' for n, f in zip(self.names, self.failures, strict=True))}"
+        told = "; ".join(f"{name}: {one}" for name, one in zip(self.names, self.failures, strict=True))
+        return f"{self.text}: {told}" if self.failures else "there was no branch that could succeed"
 
 
 @dataclass(eq=False, repr=False)

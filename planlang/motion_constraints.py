@@ -17,6 +17,7 @@ from enum import Enum
 from inspect import signature
 from typing import ClassVar, TypeVar
 
+from planlang.advice import Change
 from planlang.designators import Device, Filler, Object, local_name
 from planlang.failures import ManipulationFailure
 from planlang.misuse import Usage, WrongValue, amount, is_iterable
@@ -219,6 +220,8 @@ class ConstraintsUnsatisfied(ManipulationFailure):
     """Constraints of a motion cannot be satisfied, or were violated at its end; ``constraints`` has their names."""
 
     constraints: tuple[str, ...] = field(default=(), kw_only=True)
+    changes: tuple[Change, ...] = field(default=(), kw_only=True)
+    """What the message advises to change in the map, as data."""
 
     text: ClassVar[str] = "constraints of the motion do not hold"
 

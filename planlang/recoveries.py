@@ -38,6 +38,7 @@ from planlang.language.executive import executive_for
 from planlang.language.location import AGAIN, at_location, make_room
 from planlang.language.performing import perform
 from planlang.language.recovery import PROPAGATE, RETRY, Do, Recovery, RecoveryResult, Return, retry
+from planlang.language.resources import hand_freed
 from planlang.misuse import Usage, written
 from planlang.records import dataclass
 
@@ -214,7 +215,7 @@ def look_and_repeat(what: Object) -> Do:
 
 @recovery_strategy("OpenWhatIsInTheWay", about_object=True, moves_base=True)
 def open_what_is_in_the_way(what: Object) -> Do:
-    """Open the closed door or drawer that hides the object, then run the body again.
+    """Open the closed door or drawer that hides the object, or the doors on the way to it, then run the body again.
 
     If the search for places has found that there is one once something else was done, such as closing a drawer that is
     open before it, or opening a door further, that is done first. What was opened stays open: the plan may want the
@@ -227,9 +228,9 @@ def open_what_is_in_the_way(what: Object) -> Do:
         closed = next((link for link in failure.chain() if isinstance(link, BehindClosedDoor)), None)
         if closed is None or closed.door is None:
             return await _made_way(failure)
-        opening = action("OpeningAContainerArtifact", object_acted_on=closed.door)
-        again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(closed.door), retries=AGAIN)
-        await perform(opening, recoveries=[again])
+        for door in (closed.door, *closed.further):
+            again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(door), retries=AGAIN)
+            await perform(action("OpeningAContainerArtifact", object_acted_on=door), recoveries=[again])
         return RETRY
 
     return open_it
@@ -314,8 +315,9 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
     """Put the held object down nearby, grasp it differently with the branch ``again``, then run the body again.
 
     Without ``again`` the body itself grasps. If the object cannot be put down, or not grasped differently, the failure
-    propagates; in the latter case the object stays where it was put. If the failure is that no hand is free, the robot
-    puts down what a hand holds; the step that needs that object next grasps it again.
+    propagates; in the latter case the object stays where it was put. If the failure is that no hand is free, a
+    concurrent step that waits with an object in its hand goes on, or else the robot puts down what a hand holds; the
+    step that needs that object next grasps it again.
     """
 
     regrasping = Usage("put_down_and_regrasp", {"what": "bottle"}, {"again": "fetch_bottle"})
@@ -324,6 +326,8 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
         regrasping.branch("again", again)
 
     async def regrasp(failure: PlanFailure) -> RecoveryResult:
+        if await hand_freed(failure):
+            return RETRY
         full = next((link for link in failure.chain() if isinstance(link, HandsFull)), None)
         is_held = executive_for("put_down_and_regrasp").holds(Condition("holding", (what,)))
         if is_held == (full is not None):  # the failure is about something else

@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 
 from executive.belief.floor import CELL
 from executive.maps.semantic_map import OPENINGS
-from executive.motion import Grid, clearance_at, clearance_field
+from executive.motion import Boxes, Grid, clearance_at, clearance_field
 from executive.motion.base_path import cheapest_ways
 from planlang.geometry import Array
 from planlang.geometry.areas import Block
+from planlang.geometry.shapes import corners
 from planlang.records import dataclass
+from sim.joints import Articulation
+from sim.scene import BodyShape
 
 if TYPE_CHECKING:
     from executive.belief.planning_scene import PlanningScene
@@ -26,8 +29,12 @@ HEADINGS = 36
 """Directions in half a turn in which the robot's width is measured."""
 AVOIDED = 1000.0
 """Cost of a metre within a doorway that is too narrow, in metres elsewhere."""
+AS_FAR_AS_IT_GOES = 0.97
+"""Share of its range from which on it does not help to open a door further."""
 BEYOND = 0.3
-"""Distance from a doorway at which there is floor on either side of it [m]."""
+"""Distance from a doorway at which there is floor on either side of it, and radius of the floor that counts [m]."""
+PAST = 0.9
+"""Distance from a shut leaf at which the base has passed its door [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,10 +47,20 @@ class NarrowDoorway:
     """Width through which it would drive [m]."""
     held: tuple[str, ...]
     """What it holds."""
+    door: str = ""
+    """The leaf in it, if that is not open as far as it goes."""
+    wide_open: float = 0.0
+    """Width that the leaf would leave then [m]."""
 
     def __str__(self) -> str:
         holding = f" with {' and '.join(self.held)}" if self.held else ""
-        return f"{self.name} is {self.width:.2f} m wide;{holding} the robot needs {self.needed:.2f} m"
+        needed = f"{holding} the robot needs {self.needed:.2f} m"
+        if not self.door:
+            return f"{self.name} is {self.width:.2f} m wide;{needed}"
+        if self.width == 0.0:
+            return f"{self.door} in {self.name} is closed"
+        opened = f"opening it further would make {self.wide_open:.2f} m"
+        return f"{self.door} stands half-open and leaves {self.width:.2f} m;{needed}; {opened}"
 
 
 def narrow_doorway(scene: PlanningScene, place: Array) -> NarrowDoorway | None:
@@ -53,12 +70,30 @@ def narrow_doorway(scene: PlanningScene, place: Array) -> NarrowDoorway | None:
     """
     needed = needed_width(scene)
     narrow = [one for one in _doorways(scene) if one[2] < needed]
-    way = _slim_way(scene, place, [block for _, block, _ in narrow]) if narrow else None
+    way = _slim_way(scene, place, [block for _, block, _, _ in narrow]) if narrow else None
     for point in () if way is None else way[:, None]:
-        for name, block, width in narrow:
+        for name, block, width, door in narrow:
             if _inside(block, point)[0]:
-                return NarrowDoorway(name, width, needed, tuple(scene.belief.held))
+                held = tuple(scene.belief.held)
+                if door is None or scene.belief.joint(door.leaf) >= AS_FAR_AS_IT_GOES * door.upper:
+                    return NarrowDoorway(name, width, needed, held)
+                return NarrowDoorway(name, width, needed, held, door.leaf, free_width(scene, door, door.upper))
     return None
+
+
+def free_width(scene: PlanningScene, door: Articulation, value: float) -> float:
+    """Compute the width that a door between rooms leaves of its doorway with its joint at a value [m].
+
+    That is measured along the wall, from the leaf to the jamb on the other side.
+    """
+    leaf, frame = (scene.world.scene.body(name) for name in (door.leaf, door.frame[0]))
+    opening = frame if frame.shape is BodyShape.MARKER and min(frame.size) > 0 else leaf
+    normal = leaf.pose.rotation[:, int(np.argmin(leaf.size))]
+    along = np.array([-normal[1], normal[0], 0.0])
+    free = corners(opening.pose, opening.size) @ along
+    taken = corners(door.motion(value) @ leaf.pose, leaf.size) @ along
+    widest = max(float(taken.min() - free.min()), float(free.max() - taken.max()))
+    return round(min(max(widest, 0.0), float(np.ptp(free))), 6)
 
 
 def _inside(block: Block, points: Array) -> NDArray[np.bool_]:
@@ -78,13 +113,14 @@ def needed_width(scene: PlanningScene) -> float:
     return math.ceil(round(100 * (width + CELL), 6)) / 100
 
 
-def _doorways(scene: PlanningScene) -> list[tuple[str, Block, float]]:
-    """List the doorways of the map with their widths [m], without those through which the base can drive.
+def _doorways(scene: PlanningScene) -> list[tuple[str, Block, float, Articulation | None]]:
+    """List the doorways of the map with their widths [m] and doors, without those through which the base can drive.
 
-    The width is that of the side before which there is floor.
+    The width is that of the side before which there is floor, less what a door in it takes as it is.
     """
     found = []
-    known, boxes, reached = scene.belief.map, scene.collisions.obstacles(), scene.collisions.reached()
+    known, boxes, reached = scene.belief.map, _without_doors(scene), scene.collisions.reached()
+    doors = {one.frame[0]: one for one in scene.belief.joints.values() if one.frame}
     for thing in known.objects:
         if thing.pose is None or thing.size is None or not known.ontology.any_is_a(thing.types, OPENINGS):
             continue
@@ -92,10 +128,29 @@ def _doorways(scene: PlanningScene) -> list[tuple[str, Block, float]]:
         beyond = (block.half_x + BEYOND) * np.array([[math.cos(block.yaw), math.sin(block.yaw)]])
         before = np.array([[block.x, block.y]]) + np.concatenate([beyond, -beyond])
         leads_along = bool((clearance_at(before, boxes, SLIM) > 0.0).all())
-        if all(reached.comes_near(point, BEYOND) for point in before):
+        door = doors.get(thing.name)
+        if gets_past(scene, door) if door else all(reached.comes_near(point, BEYOND) for point in before):
             continue
-        found.append((thing.name, block, round(2 * (block.half_y if leads_along else block.half_x), 6)))
+        width = round(2 * (block.half_y if leads_along else block.half_x), 6)
+        if door is not None:
+            value = scene.belief.joint(door.leaf)
+            width = 0.0 if door.is_shut(value) else min(width, free_width(scene, door, value))
+        found.append((thing.name, block, width, door))
     return found
+
+
+def gets_past(scene: PlanningScene, door: Articulation) -> bool:
+    """Check whether the base surely drives past a door between rooms as it is: it gets to the floor on both sides."""
+    reached, shut = scene.collisions.reached(), scene.world.scene.body(door.leaf)
+    normal = shut.pose.rotation[:2, int(np.argmin(shut.size))]
+    places = np.array(shut.pose.position[:2]) + PAST * np.array([normal, -normal])
+    return all(reached.comes_near(place, BEYOND) for place in places)
+
+
+def _without_doors(scene: PlanningScene) -> Boxes:
+    """List the obstacles but for the leaves of doors between rooms, and what is on them."""
+    leaves = [name for one in scene.belief.joints.values() if one.frame for name in one.bodies]
+    return scene.collisions.boxes_but(leaves)[0]
 
 
 def _slim_way(scene: PlanningScene, place: Array, narrow: Sequence[Block]) -> Array | None:
@@ -109,7 +164,7 @@ def _slim_way(scene: PlanningScene, place: Array, narrow: Sequence[Block]) -> Ar
     if first is None:
         return None
     centres = grid.centres()
-    costs = np.where(clearance_field(grid, scene.collisions.obstacles(), SLIM) > 0.0, 1.0, np.inf)
+    costs = np.where(clearance_field(grid, _without_doors(scene), SLIM) > 0.0, 1.0, np.inf)
     away = np.where(np.isfinite(costs), np.hypot(*np.moveaxis(centres - place, 2, 0)), np.inf)
     for block in narrow:
         costs[_inside(block, centres.reshape(-1, 2)).reshape(costs.shape)] *= AVOIDED

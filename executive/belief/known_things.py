@@ -205,10 +205,11 @@ class KnownThings:
 
     def _meant_in(self, performance: Performance, what: Object, near: BasePose) -> str | None:
         """Find what a designator by class means in a performance, and bind it if that is new; None without a match."""
-        known, choice = self.memory.meant_in(what, performance.path), self._choice(what, performance)
+        known = self.memory.meant_in(what, performance.occasion, performance.step)
+        choice = self._choice(what, performance)
         if known is not None:
-            if choice.serves and not known.served:
-                self.memory = self.memory.meaning(what, known._replace(served=True))
+            if known.name != choice.last or choice.serves > known.served:
+                self.memory = self.memory.meaning(what, known._replace(served=known.served or choice.serves))
             return known.name
         name = choice.last if choice.is_same() else self._find(what, near, choice)
         if name is not None:

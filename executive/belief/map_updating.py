@@ -20,13 +20,12 @@ from executive.belief.memory import Source
 from executive.maps.classes import MapObject
 from executive.maps.contents import is_content
 from executive.maps.measures import EXTENTS
-from executive.maps.semantic_map import SemanticMap
 from executive.maps.statements import (
     Placement,
     decimal,
-    main_statements,
     placements,
     stated_facts,
+    statements_of,
     text_of,
     with_placements,
 )
@@ -73,7 +72,7 @@ def updated_map(belief: Belief, files: Collection[Path | None], opened: Iterable
         if thing.iri not in gone and _differs_from_map(thing, belief):
             placed |= _moved(thing, belief, start, placed)
     placed = {iri: one for iri, one in placed.items() if iri not in gone}
-    statements = _statements(belief.map, files, gone)
+    statements = statements_of(belief.map, files, gone)
     statements += (fact for thing in belief.memory.made.values() if thing.iri in placed for fact in _new(thing, belief))
     for leaf in (leaf for leaf in opened if leaf in belief.joints):
         statements = _with_joint(statements, leaf, belief)
@@ -92,21 +91,6 @@ def _is_gone(thing: MapObject, belief: Belief) -> bool:
     held = [portion for name in vessels for portion in contents.get(name, {}).values()]
     stays = any(thing.name in one.origins and one.type == shorten(thing.types[0]) for one in held)
     return is_content(thing) and bool(vessels) and not stays
-
-
-def _statements(semantic_map: SemanticMap, files: Collection[Path | None], gone: Iterable[str]) -> list[Triple]:
-    """List the statements of some files; also those of imported maps, if these state something that is gone."""
-    ontology, paths = semantic_map.ontology, set(map(str, files))
-    if all(triple.span.file in paths for iri in gone for triple in ontology.triples(iri)):
-        return main_statements(ontology, files)
-    paths |= {triple.span.file for thing in semantic_map.objects for triple in ontology.triples(thing.iri)}
-    names = {document.iri: str(document.path) for document in ontology.documents}
-    for triple in reversed([*ontology.triples(p=OWL.imports)]):  # files between them, as imports come after importers
-        if names.get(str(triple.object)) in paths:
-            paths.add(triple.span.file)
-    others = {iri for iri, path in names.items() if path not in paths}
-    statements = main_statements(ontology, {one.path for one in ontology.documents if str(one.path) in paths})
-    return [triple for triple in statements if triple.predicate != OWL.imports or triple.object in others]
 
 
 def _differs_from_map(thing: MapObject, belief: Belief) -> bool:

@@ -2,12 +2,14 @@
 
 Steps that follow each other mean the same thing: what one grasps, the next puts down. A designator is bound anew when a
 step is performed again, when a step wants the same as an earlier one, and when what the step wants holds already of the
-thing. Then things of which it holds are left out, as far as the declared effects of the action tell.
+thing. Then things of which it holds are left out, as far as the declared effects of the action tell. What a recovery
+repeats is the same performance again, for which nothing is chosen.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from itertools import takewhile
 
 from executive.belief.memory import Meaning
 from executive.belief.purposes import Purpose
@@ -44,26 +46,19 @@ class Choice:
         """True if the step is known to bring about something that lasts."""
         return self.purpose is not None and not self.purpose.passes
 
-    @property
-    def turn(self) -> int:
-        """Number of times that the designator was bound anew until now."""
-        return self.had[-1].turn if self.had else 0
-
     def is_same(self) -> bool:
         """Check whether this performance is about the thing that the steps before it were about."""
-        if self.last is None:
+        if self.last is None or self.last in self._had_in_group():
             return False
-        if self.last in self._had_in_group():
+        with_it = takewhile(lambda one: one.name == self.last, reversed(self.had))
+        if any(one.aim == self.aim for one in with_it):
             return False
-        again = any(one.aim == self.aim and one.name == self.last for one in self.had if one.turn == self.turn)
-        if (again or self.lasts) and self.is_done(self.last):
-            return False
-        return not again or self.performance.is_retry
+        return not (self.lasts and self.is_done(self.last))
 
     def _had_in_group(self) -> set[str]:
         """Collect what performances were about that all have to be about different things, this one included."""
         group, step = self.performance.group, self.performance.step
-        together = (one for one in self.had if one.step == step and one.performance.rpartition("/")[0] == group)
+        together = (one for one in self.had if one.step == step and one.occasion.rpartition("/")[0] == group)
         return {one.name for one in together}
 
     def among(self, things: Sequence[str], held: Collection[str]) -> list[str]:
@@ -77,9 +72,11 @@ class Choice:
         undone = [name for name in things if name not in in_group and not self.is_done(name)]
         # what another step had, but of which that holds no more, is there to be had again
         free = [name for name in undone if name not in by_others] or undone
-        if not free and things and mine and not self.performance.is_retry:
+        if not free and things and mine:
             step = self.performance.step.rpartition("/")[2].partition(" ")[0]
             told = f"no {self.what} is left for {step}: done already with {', '.join(things)}"
+            if self.performance.is_round:
+                told = f"{told}; repeat it less often, or say in the loop's condition where a {self.what} has to be"
             raise ObjectUnresolvable(told, designator=str(self.what))
         best = free or [name for name in things if name not in in_group]
         if self.lasts and (carried := [name for name in best if name in held]):
@@ -92,5 +89,4 @@ class Choice:
 
     def of(self, name: str) -> Meaning:
         """Make the record of what was chosen."""
-        turn = self.turn if name == self.last and self.is_same() else self.turn + 1
-        return Meaning(self.performance.path, self.performance.step, self.aim, name, turn, self.serves)
+        return Meaning(self.performance.occasion, self.performance.step, self.aim, name, self.serves)

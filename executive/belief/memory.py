@@ -87,16 +87,14 @@ class Knowledge(NamedTuple):
 class Meaning(NamedTuple):
     """What a designator by class means in one performance of a step."""
 
-    performance: str
-    """Path of the performance in the run."""
+    occasion: str
+    """Occasion of the performance: the same in each attempt at it."""
     step: str
     """The step, the same in each of its performances."""
     aim: str
     """What it is for, the same for all steps that want the same of different things; the step, if that is unknown."""
     name: str
     """The thing."""
-    turn: int
-    """Number of times that the designator was bound anew: steps of a turn share a thing."""
     served: bool
     """True if the step, or one within it, brings about something that lasts, such as where the thing is."""
 
@@ -163,13 +161,14 @@ class Memory:
         others = {what: tuple(one for one in had if one.name != name) for what, had in self.meanings.items()}
         return replace(self, known=without(self.known, name), bound=bound, meanings=others)
 
-    def meant_in(self, what: Object, performance: str) -> Meaning | None:
-        """Look up what a designator by class means in a performance; None if that has not needed it yet."""
-        return next((one for one in self.meanings.get(what, ()) if one.performance == performance), None)
+    def meant_in(self, what: Object, occasion: str, step: str) -> Meaning | None:
+        """Look up what a designator by class means in a performance; None if no attempt at it has needed it yet."""
+        had = self.meanings.get(what, ())
+        return next((one for one in had if (one.occasion, one.step) == (occasion, step)), None)
 
     def meaning(self, what: Object, where: Meaning) -> Memory:
         """Bind a designator by class in a performance, and after it."""
-        others = (one for one in self.meanings.get(what, ()) if one.performance != where.performance)
+        others = (one for one in self.meanings.get(what, ()) if one[:2] != where[:2])
         bound, meanings = {**self.bound, what: where.name}, {**self.meanings, what: (*others, where)}
         return replace(self, bound=bound, meanings=meanings)
 

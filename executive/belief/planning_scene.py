@@ -235,6 +235,11 @@ class RobotArms(ScenePart):
         names = [arm.name for arm in self._robot.arms_of(device)]
         return [arm for arm in self.all if arm.name in names]
 
+    @property
+    def hands(self) -> list[ArmModel]:
+        """The arms that have a gripper."""
+        return [arm for arm in self.all if arm.gripper is not None]
+
     def able(self, arms: Sequence[ArmModel]) -> list[ArmModel]:
         """Leave out the arms whose hands were given up because they failed; keep all if no other is left."""
         return [arm for arm in arms if arm.name not in self._belief.memory.given_up] or list(arms)

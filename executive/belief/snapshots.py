@@ -170,8 +170,8 @@ def _grip(hands: Sequence[Any], before: object, riders: Sequence[object]) -> Gri
     return Grip(*first, _pose(before), tuple(others), tuple(map(str, riders)))
 
 
-def _meaning(performance: str, step: str, aim: str, name: str, turn: int, served: bool) -> Meaning:
-    return Meaning(str(performance), str(step), str(aim), str(name), int(turn), bool(served))
+def _meaning(occasion: str, step: str, aim: str, name: str, served: bool) -> Meaning:
+    return Meaning(str(occasion), str(step), str(aim), str(name), bool(served))
 
 
 def _pose(state: object) -> Pose:

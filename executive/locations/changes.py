@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import replace
 from itertools import islice
 
 import numpy as np
 
+from executive.belief.belief import Belief
 from executive.belief.believed_bodies import BelievedBodies
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.reachability import CELL
 from executive.locations.rejections import Rejections
 from executive.motion import clearance_at
+from executive.robots.arms import called
+from planlang.advice import ABSENT, POSITION, TRANSLATION, Advice, Change
 from planlang.designators import Action, action
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Block
@@ -44,7 +47,10 @@ MOST_LEAVES = 2
 """Number of these."""
 FURTHER = 0.9
 """Share of its range below which a leaf may be opened further."""
+DIGITS = 6
+"""Decimal places of what a change states [m, rad]."""
 OPEN, CLOSE = "OpeningAContainerArtifact", "ClosingAContainerArtifact"
+SET_ASIDE = "SettingAsideAnObject"
 
 IsFeasible = Callable[[PlanningScene], bool]
 """Check whether a scene, which is supposed, has a base pose."""
@@ -59,6 +65,34 @@ def with_supports(names: Iterable[str], bodies: BelievedBodies) -> set[str]:
         support = bodies.support(name)
         left += [support] if support is not None and support not in found else []
     return found
+
+
+def with_changes(belief: Belief, changes: Iterable[Change]) -> WorldState:
+    """Make the state of a belief with changes of the map, of which at most one moves a leaf."""
+    changes = tuple(changes)
+    leaf = next((one for one in changes if one.what == POSITION), None)
+    state = belief.state if leaf is None else belief.with_leaf(str(leaf.thing), _opening(belief, leaf))
+    poses: dict[str, Pose | None] = {}
+    for change in changes:
+        name = str(change.thing)
+        if change.what == ABSENT:
+            poses[name] = None
+        elif change.what == TRANSLATION and isinstance(change.value, tuple):
+            x, y, z = change.value
+            closed = belief.closed_pose(name)
+            poses[name] = belief.pose(name) @ closed.inverse() @ replace(closed, position=(x, y, z))
+    return state.placed(poses)
+
+
+def _opening(belief: Belief, change: Change) -> float:
+    """Return the opening of a leaf [rad, m] that a change states as maps do."""
+    assert isinstance(change.value, float)
+    return belief.joints[str(change.thing)].sign * change.value
+
+
+def leaf_moved(joint: Articulation, value: float) -> tuple[Change, ...]:
+    """Return the change by which a leaf is open by a value [rad, m]."""
+    return (Change(POSITION, round(joint.sign * value + 0.0, DIGITS), joint.leaf),)
 
 
 def _measure(joint: Articulation, value: float) -> str:
@@ -86,26 +120,40 @@ class Changes:
         self._along = {*parts, *(scene.world.standing_on(body) if self._is_movable else ())} - {body}
         self._left, self._in_vain = MOST_SEARCHES, list[str]()
 
-    def helping(self) -> str:
-        """Describe a change that helps: another robot away, the thing at an edge, without a body, or let down."""
+    def helping(self) -> Advice | None:
+        """Find a change that helps: another robot away, the thing at an edge, without a body, or let down."""
         return self._once_left() or self.nearer() or self._without() or self._let_down()
 
-    def by_the_robot(self, once_moved: IsFeasible) -> tuple[Action | None, str]:
-        """Find an action of the robot that helps, and describe it: to close what is open near the thing, or to open it
-        further; None and "" if neither does.
+    def by_the_robot(self, once_moved: IsFeasible) -> tuple[Action | None, Advice | None]:
+        """Find an action of the robot that helps, and its advice; None and None if there is none.
+
+        It closes what is open near the thing, opens it further, or puts down what the hand holds that would reach it.
         """
         for joint, value in self._leaves_near():
             name, now = joint.leaf, self.scene.belief.joint(joint.leaf)
-            state = self.scene.belief.with_leaf(name, value)
-            then, is_shut = self.scene.supposing(state), joint.is_shut(value)
+            moved = leaf_moved(joint, value)
+            then, is_shut = self.scene.supposing(with_changes(self.scene.belief, moved)), joint.is_shut(value)
             if then.bodies.closed_before(self.body) is None and once_moved(then):
                 what = self.scene.bodies.designator(name)
                 if is_shut:
-                    return action(CLOSE, object_acted_on=what), f"with {name} closed, {self.body} could be reached"
+                    said = f"with {name} closed, {self.body} could be reached"
+                    return action(CLOSE, object_acted_on=what), Advice(said, moved)
                 opening = action(OPEN, object_acted_on=what, all_the_way=True)
                 wide = f"{_measure(joint, value)} instead of {_measure(joint, now)}"
-                return opening, f"with {name} open by {wide}, {self.body} could be reached"
-        return None, ""
+                return opening, Advice(f"with {name} open by {wide}, {self.body} could be reached", moved)
+        return self._with_an_empty_hand(once_moved)
+
+    def _with_an_empty_hand(self, once_moved: IsFeasible) -> tuple[Action | None, Advice | None]:
+        """Find a held thing that has to be put down because only the hand that holds it reaches the other thing."""
+        state = self.scene.belief.state
+        for name, grip in state.held.items() if self.body not in state.held else ():
+            others = {other: one for other, one in state.held.items() if other != name}
+            gone = replace(state.placed({name: None}), held=others)
+            if len(grip.arms) == 1 and once_moved(self.scene.supposing(gone)):
+                down = action(SET_ASIDE, object_acted_on=self.scene.bodies.designator(name))
+                only = f"only {called(grip.arm)}, which holds {name}, reaches {self.body}"
+                return down, Advice(f"{only}: fetch {self.body} before {name}", ())
+        return None, None
 
     def _leaves_near(self) -> Iterator[tuple[Articulation, float]]:
         """Yield open doors and drawers near the thing, most in the way first, with values to which to move them."""
@@ -121,40 +169,44 @@ class Changes:
                 yield joint, joint.upper
             yield joint, 0.0
 
-    def _once_left(self) -> str:
+    def _once_left(self) -> Advice | None:
         """Name what drives by itself, if that is in the way where it is now."""
         for name in self.scene.movers():
-            if name not in self._needed and self._helps({name: None}):
-                return f"{name}, which drives by itself, is in the way where it is now"
-        return ""
+            gone = (Change(ABSENT, True, name),)
+            if name not in self._needed and self._helps(gone):
+                return Advice(f"{name}, which drives by itself, is in the way where it is now", gone)
+        return None
 
-    def nearer(self, towards: Array | None = None) -> str:
-        """Describe how far, and where to, the thing has to be moved on its support; "" if that does not help.
+    def nearer(self, towards: Array | None = None) -> Advice | None:
+        """Find how far, and where to, the thing has to be moved on its support; None if that does not help.
 
         With ``towards`` (2,), a direction in the map, only that way.
         """
         bodies = self.scene.bodies
         support = bodies.support(self.body)
         if support is None or not self._is_movable or bodies.is_room(support):
-            return ""
+            return None
         ways = ((side, steps) for side, steps in self._ways_to_edges(support) if steps)
         chosen = ((side, steps) for side, steps in ways if towards is None or float(towards @ side) >= TOWARDS)
         for side, steps in islice(chosen, MOST_EDGES):
             farthest = self._moved(side, steps[-1])
-            if not self._helps_at(farthest):
+            if not self._helps(self._at(farthest)):
                 self._in_vain.append("{} at x = {:.2f}, y = {:.2f}".format(self.body, *farthest.position))
                 continue
             # the last step helps: bisect for the first that does
-            first = bisect_left(steps, True, key=lambda step: self._helps_at(self._moved(side, step)))
+            first = bisect_left(steps, True, key=lambda step: self._helps(self._at(self._moved(side, step))))
             step = steps[min(first, len(steps) - 1)]
-            x, y, _ = self._moved(side, step).position
-            return f"moved {step:.2f} m, to x = {x:.2f}, y = {y:.2f}, {self.body} could be reached"
-        return ""
+            pose = self._moved(side, step)
+            x, y, _ = pose.position
+            said = f"moved {step:.2f} m, to x = {x:.2f}, y = {y:.2f}, {self.body} could be reached"
+            return Advice(said, self._at(pose))
+        return None
 
     def none_found(self) -> str:
-        """Say that no change was found that helps, and to where the thing was moved for trial."""
-        tried = f"; tried: {', '.join(self._in_vain)}" if self._in_vain else ""
-        return f"no simple change was found that would help{tried}"
+        """Say that no change was found that helps, and what was tried; "" if nothing was."""
+        return (
+            f"no simple change was found that would help (tried: {', '.join(self._in_vain)})" if self._in_vain else ""
+        )
 
     def _ways_to_edges(self, support: str) -> Iterator[tuple[Array, list[float]]]:
         """Yield directions (2,) to edges at which the base can stand, the nearest first, with free steps [m]."""
@@ -183,7 +235,7 @@ class Changes:
         x, y, z = pose.position
         return replace(pose, position=(round(x + step * float(side[0]), 2), round(y + step * float(side[1]), 2), z))
 
-    def _without(self) -> str:
+    def _without(self) -> Advice | None:
         bodies = self.scene.bodies
         fixed = {*with_supports({self.body, *self._needed}, bodies), *filter(bodies.is_room, bodies.names())}
         joints = self.scene.belief.joints.values()
@@ -192,45 +244,49 @@ class Changes:
         blocking = [name for name in self.log.ordered_blocking() if name not in fixed and name in bodies.names()]
         return self.without_one_of(blocking, fixed)
 
-    def without_one_of(self, names: Iterable[str], fixed: Collection[str] = ()) -> str:
-        """Name the first of some bodies whose removal helps, with what stands on it; ``fixed`` bodies stay."""
+    def without_one_of(self, names: Iterable[str], fixed: Collection[str] = ()) -> Advice | None:
+        """Find the first of some bodies whose removal helps, with what stands on it; ``fixed`` bodies stay."""
         for name in islice(names, MOST_TRIED):
             leaf, riders = self.scene.belief.joints.get(name), self.scene.world.standing_on(name)
             gone = {name, *riders, *(leaf.bodies if leaf is not None else ())}.difference(fixed)
-            if self._helps(dict.fromkeys(sorted(gone))):
+            changes = tuple(Change(ABSENT, True, one) for one in sorted(gone))
+            if self._helps(changes):
                 open_leaf = f"{name} is in the way as it is open: " if leaf is not None else ""
-                return f"{open_leaf}without {name}{' and what stands on it' if riders else ''} this would work"
-        return ""
+                and_riders = " and what stands on it" if riders else ""
+                return Advice(f"{open_leaf}without {name}{and_riders} this would work", changes)
+            self._in_vain.append(f"without {name}")
+        return None
 
-    def _let_down(self) -> str:
-        """Describe the height at which a thing that floats above its support stands on it, if that helps."""
+    def _let_down(self) -> Advice | None:
+        """Find the height at which a thing that floats above its support stands on it, if that helps."""
         bodies = self.scene.bodies
         support = bodies.support(self.body)
         if support is None or not bodies.is_movable(self.body):
-            return ""
+            return None
         thing, pose = bodies.block(self.body), bodies.pose(self.body)
         low = bodies.block(support).high
         down = replace(thing, low=low, high=thing.high + low - thing.low)
         if abs(low - thing.low) < STEP or not self._is_free(down, np.zeros(2), 0.0):
-            return ""
+            return None
         x, y, z = pose.position
-        if not self._helps_at(replace(pose, position=(x, y, z + low - thing.low))):
-            return ""
-        return f"{low:.2f} m above the floor instead of {thing.low:.2f} m, {self.body} could be reached"
+        changes = self._at(replace(pose, position=(x, y, z + low - thing.low)))
+        said = f"{low:.2f} m above the floor instead of {thing.low:.2f} m, {self.body} could be reached"
+        return Advice(said, changes) if self._helps(changes) else None
 
-    def _helps_at(self, pose: Pose) -> bool:
-        """Check whether it helps if the thing, with what moves along, is at a pose."""
+    def _at(self, pose: Pose) -> tuple[Change, ...]:
+        """Return the changes by which the thing, with what moves along, is at a pose, turned as it is."""
         bodies = self.scene.bodies
         change = pose @ bodies.pose(self.body).inverse()
-        return self._helps({self.body: pose, **{one: change @ bodies.pose(one) for one in self._along}})
+        poses = {self.body: pose, **{one: change @ bodies.pose(one) for one in sorted(self._along)}}
+        # maps state poses as if the drawer in which a thing stands were closed
+        closing = self.scene.belief.closed_pose(self.body) @ bodies.pose(self.body).inverse()
+        poses = {name: closing @ one for name, one in poses.items()}
+        places = {name: tuple(round(value, DIGITS) for value in one.position) for name, one in poses.items()}
+        return tuple(Change(TRANSLATION, place, name) for name, place in places.items())
 
-    def _helps(self, poses: Mapping[str, Pose | None]) -> bool:
-        """Check whether a change helps; without searches left it counts as no help."""
-        return self._tries(self.scene.belief.state.placed(poses))
-
-    def _tries(self, state: WorldState) -> bool:
-        """Check whether it helps if the world is in a state; without searches left it counts as no help."""
+    def _helps(self, changes: Iterable[Change]) -> bool:
+        """Check whether changes help; without searches left they count as no help."""
         if not self._left:
             return False
         self._left -= 1
-        return self._is_feasible(self.scene.supposing(state))
+        return self._is_feasible(self.scene.supposing(with_changes(self.scene.belief, changes)))

@@ -77,17 +77,19 @@ def explain_bases(
         NO_WAY: explanation.no_way,
     }
     measured = makers[reason]() if reason in makers else ""
-    helping = ""
+    helping, advice = "", None
     if is_feasible is not None and not (reason == NO_WAY and explanation.narrow is not None):
         changes = Changes(wanted[0].body, scene, log, is_feasible, needed=needed)
         # where something closes the way, nothing that is done to the thing opens it
         if closing := explanation.closing() if reason == NO_WAY else ():
-            helping = changes.without_one_of(closing)
+            advice = changes.without_one_of(closing)
         else:
-            log.first, helping = changes.by_the_robot(once_moved or is_feasible)
-            helping = helping or changes.helping()
-    if not helping and (instead := explanation.excluded() or explanation.no_hold()):
-        measured = instead
+            log.first, advice = changes.by_the_robot(once_moved or is_feasible)
+            advice = advice or changes.helping()
+        helping = changes.none_found() if advice is None else advice.sentence
+        log.changes = () if advice is None else advice.changes
+    if advice is None and (instead := explanation.excluded() or explanation.no_hold()):
+        measured, helping = instead, ""
     if measured or helping:
         log.figures[reason] = "; ".join(filter(None, (measured, helping)))
 

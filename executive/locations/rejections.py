@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
+from planlang.advice import Change
 from planlang.designators import Action
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
@@ -72,6 +73,8 @@ class Rejections:
     """Reason -> a sentence with measurements and a change that would help."""
     first: Action | None = None
     """Action of the robot after which the search finds a place, if one was found."""
+    changes: tuple[Change, ...] = ()
+    """What the sentence of :attr:`figures` advises to change, as data."""
 
     @property
     def keeps(self) -> bool:
@@ -170,6 +173,7 @@ class Rejections:
             figures=next(figures, ""),
             after=after,
             first=self.first,
+            changes=self.changes,
         )
 
 

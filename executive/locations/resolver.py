@@ -19,7 +19,7 @@ from typing import Generic, TypeVar
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.belief.scene_part import Kept
-from executive.locations.changes import with_supports
+from executive.locations.changes import CLOSE, with_supports
 from executive.locations.demands import (
     BaseDemand,
     base_demand,
@@ -49,11 +49,11 @@ from executive.locations.questions import (
 )
 from executive.locations.rejections import NO_WAY, NOT_VISIBLE, Rejections, unmet
 from executive.locations.search import search_bases
-from executive.locations.shut_ways import shut_on_the_way
+from executive.locations.shut_ways import behind_doors, to_close
 from executive.locations.validation import BaseValidator
 from executive.robots.arms import ArmModel
 from planlang.designators import Device, Location, Object, action
-from planlang.failures import BehindClosedDoor, DesignatorFailure, LocationUnresolvable, MissingCapability, PlanFailure
+from planlang.failures import DesignatorFailure, LocationUnresolvable, MissingCapability, PlanFailure
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Clear, Facing, Region
 from planlang.kept import Latest
@@ -185,13 +185,18 @@ class Resolver:
         raise question.log.failure(location, after=len(found))
 
     def _check_way(self, location: Location, demand: BaseDemand, log: Rejections) -> None:
-        """Raise BehindClosedDoor if the base cannot drive there because a door between rooms is shut."""
-        door = shut_on_the_way(self.scene, partial(self.is_possible, location)) if log.counts[NO_WAY] else None
-        if door is not None:
-            names = (*(reach.body for reach in demand.reaches), *(one.name for one in location.things()), str(location))
-            leaf = self.scene.bodies.designator(door)
-            first = action("OpeningAContainerArtifact", object_acted_on=leaf)
-            raise BehindClosedDoor(designator=str(location), what=names[0], door=leaf, first=first)
+        """Raise a failure if the base cannot drive there because of a door between rooms, as it is."""
+        if not log.counts[NO_WAY]:
+            return
+        is_possible = partial(self.is_possible, location)
+        names = (*(reach.body for reach in demand.reaches), *(one.name for one in location.things()), str(location))
+        behind = behind_doors(self.scene, is_possible, names[0], str(location))
+        if behind is not None:
+            raise behind
+        if (leaf := to_close(self.scene, is_possible)) is not None:
+            log.first = action(CLOSE, object_acted_on=self.scene.bodies.designator(leaf))
+            log.figures = {NO_WAY: f"with {leaf} closed, the base could drive there"}
+            raise log.failure(location)
 
     def _question(self, location: Location) -> Question:
         """Start a new question about a location."""

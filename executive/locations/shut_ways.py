@@ -1,53 +1,119 @@
-"""Doors between rooms that keep the base from a place as long as they are shut.
+"""Doors between rooms that keep the base from a place as they are: shut, half-open, or open across its way.
 
-Asked of the world as it would be with them open: which of them are needed, and which of those the base gets to first.
+Asked of the world as it would be with them open, or closed: which of them are needed, in the order of the way.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
+from executive.belief.doorways import AS_FAR_AS_IT_GOES, free_width, gets_past
 from executive.belief.planning_scene import PlanningScene
+from planlang.failures import BehindClosedDoor
 from planlang.geometry import Array
 from sim.joints import Articulation
 
 BEFORE = (0.5, 0.7, 0.9, 1.1)
-"""Distances from a shut leaf at which a base stands that opens it [m]."""
+"""Distances from a leaf at which a base stands that opens it [m]."""
 AROUND = 8
 """Headings of the base to try there."""
+WIDER = (0.9, 0.93, 0.96, 0.99)
+"""Shares of its range to which to open a door, until the base drives past it."""
+
+IsPossible = Callable[[PlanningScene], bool]
 
 
-def shut_on_the_way(scene: PlanningScene, is_possible: Callable[[PlanningScene], bool]) -> str | None:
-    """Find the door between rooms to open first so that something becomes possible; None if no door keeps it from that.
+def behind_doors(
+    scene: PlanningScene, is_possible: IsPossible, what: str, wanted: str, but: Sequence[str] = ()
+) -> BehindClosedDoor | None:
+    """Build the failure of something that becomes possible once doors between rooms are open, or open further.
 
-    ``is_possible`` tells of a scene whether it is; in this one it is not.
+    ``is_possible`` tells of a scene whether it is; in this one it is not. ``what`` is behind them, ``wanted`` describes
+    the place, ``but`` are leaves that do not count. None if no door keeps it from being possible.
     """
-    doors = [one for one in scene.belief.joints.values() if one.frame and not one.is_open(scene.belief.joint(one.leaf))]
-    if not doors or not is_possible(_opened(scene, doors)):
+    doors = _to_open(scene, is_possible, but)
+    if not doors:
         return None
-    needed = doors
-    for door in doors if len(doors) > 1 else ():
+    door, *further = (scene.bodies.designator(one.leaf) for one in doors)
+    first, now = doors[0], scene.belief.joint(doors[0].leaf)
+    figures = ""
+    if not first.is_shut(now):
+        made, free = (f"{free_width(scene, first, value):.2f} m" for value in (first.upper, now))
+        figures = f"{first.leaf} stands half-open: opening it further would make {made} instead of {free}"
+    return BehindClosedDoor(designator=wanted, what=what, door=door, further=tuple(further), figures=figures)
+
+
+def _to_open(scene: PlanningScene, is_possible: IsPossible, but: Sequence[str]) -> list[Articulation]:
+    """List the doors to open so that something becomes possible, in the order in which the base gets to them."""
+    belief = scene.belief
+    doors = [
+        one
+        for one in belief.joints.values()
+        if one.frame and one.leaf not in but and belief.joint(one.leaf) < AS_FAR_AS_IT_GOES * one.upper
+    ]
+    if not doors or not is_possible(_opened(scene, doors)):
+        return []
+    # where another way leads, a door that has no handle is not needed
+    needed = sorted(doors, key=lambda one: bool(one.handles))
+    for door in tuple(needed) if len(doors) > 1 else ():
         others = [one for one in needed if one is not door]
         if is_possible(_opened(scene, others)):
             needed = others
-    drivable = scene.collisions.drivable()
-    return next((one.leaf for one in needed if drivable(np.array(list(_before(scene, one)))).any()), None)
+    ordered: list[Articulation] = []
+    while needed:
+        drivable = scene.collisions.drivable()
+        # where a base gets to no handle, opening the door beside it fails and says so
+        here = (one for any_side in (False, True) for one in needed if drivable(_before(scene, one, any_side)).any())
+        if (nearest := next(here, None)) is None:
+            break
+        ordered.append(nearest)
+        needed = [one for one in needed if one is not nearest]
+        scene = _opened(scene, [nearest])
+    return ordered
+
+
+def to_close(scene: PlanningScene, is_possible: IsPossible) -> str | None:
+    """Find a door between rooms that is open, and with which closed something becomes possible; None without one."""
+    belief = scene.belief
+    for one in (one for one in belief.joints.values() if one.frame and not one.is_shut(belief.joint(one.leaf))):
+        shut = scene.supposing(belief.with_leaf(one.leaf, 0.0))
+        if not shut.collisions.contacts(shut.base()) and is_possible(shut):
+            return one.leaf
+    return None
+
+
+def open_wide(scene: PlanningScene, joint: Articulation) -> float:
+    """Compute how far to open a door between rooms so that the base drives past it as it is [rad or m].
+
+    At least so far that it counts as open, and no further if it does not get past it anyhow.
+    """
+
+    def passes(value: float) -> bool:
+        return gets_past(scene.supposing(scene.belief.with_leaf(joint.leaf, value)), joint)
+
+    return next((value for value in (share * joint.upper for share in WIDER) if passes(value)), joint.first_open)
 
 
 def _opened(scene: PlanningScene, doors: Iterable[Articulation]) -> PlanningScene:
-    """Suppose that doors are open as far as they go."""
+    """Suppose that doors are open as far as they go; those that would touch the robot where it is are left out."""
     for door in doors:
-        scene = scene.supposing(scene.belief.with_leaf(door.leaf, door.upper))
+        then = scene.supposing(scene.belief.with_leaf(door.leaf, door.upper))
+        if then.collisions.contacts(then.base()):
+            then = scene.supposing(scene.belief.state.placed(dict.fromkeys(door.bodies)))
+        scene = then
     return scene
 
 
-def _before(scene: PlanningScene, door: Articulation) -> Iterator[Array]:
-    """Yield base poses (3,) on both sides of a door."""
+def _before(scene: PlanningScene, door: Articulation, any_side: bool) -> Array:
+    """Sample base poses (n, 3) before a door: on the sides on which it has handles, or on both."""
     block = scene.bodies.block(door.leaf)
-    normal = block.yaw + (math.pi / 2 if block.half_x > block.half_y else 0.0)
-    for away in (sign * distance for distance in BEFORE for sign in (1.0, -1.0)):
-        x, y = block.x + away * math.cos(normal), block.y + away * math.sin(normal)
-        yield from (np.array([x, y, 2 * math.pi * turn / AROUND]) for turn in range(AROUND))
+    heading = block.yaw + (math.pi / 2 if block.half_x > block.half_y else 0.0)
+    middle, normal = np.array([block.x, block.y]), np.array([math.cos(heading), math.sin(heading)])
+    grips = [] if any_side else [np.array(scene.bodies.pose(one).position[:2]) for one in door.handles]
+    sides = {math.copysign(1.0, float((grip - middle) @ normal)) for grip in grips} or {1.0, -1.0}
+    places = [middle + side * away * normal for away in BEFORE for side in sorted(sides)]
+    turns = 2 * math.pi * np.arange(AROUND) / AROUND
+    return np.array([[x, y, turn] for x, y in places for turn in turns])

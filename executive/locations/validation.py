@@ -121,10 +121,9 @@ class BaseValidator:
         if door is not None:
             raise self._behind(door, what, location)
         if reach.kind is ReachKind.GRASP and (needed := self.scene.bodies.hands(reach.body)) > 1:
-            hands = sum(self.scene.arms.held(arm.name) is None for arm in self.scene.arms.all)
-            raise HandsLacking(
-                designator=str(location), what=reach.body, needed=needed, hands=hands, alone=hands >= needed
-            )
+            hands = self.scene.arms.hands
+            empty = sum(self.scene.arms.held(arm.name) is None for arm in hands)
+            raise HandsLacking(designator=str(location), what=reach.body, needed=needed, hands=empty, of=len(hands))
         able = self.arms_for(reach, self.scene.arms.all)
         if reach.kind is ReachKind.PLACE and not any(self.scene.arms.held(arm.name) for arm in able):
             raise LocationUnresolvable(figures=self._not_in_hand(reach), designator=str(location))

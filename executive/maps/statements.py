@@ -5,7 +5,7 @@ All other statements are kept: classes, sizes, parts, and those that no reader h
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -75,6 +75,21 @@ def main_statements(ontology: Ontology, files: Container[Path | None]) -> list[T
     ranges = zip(ontology.documents, ontology.store.ranges, strict=True)
     by_file = [[ontology.store.triple(row) for row in rows] for document, rows in ranges if document.path in files]
     return [triple for statements in with_one_header(by_file) for triple in statements]
+
+
+def statements_of(semantic_map: SemanticMap, files: Collection[Path | None], things: Iterable[str]) -> list[Triple]:
+    """List the statements of some files; also those of imported maps, if these state one of the ``things``."""
+    ontology, paths = semantic_map.ontology, set(map(str, files))
+    if all(triple.span.file in paths for iri in things for triple in ontology.triples(iri)):
+        return main_statements(ontology, files)
+    paths |= {triple.span.file for thing in semantic_map.objects for triple in ontology.triples(thing.iri)}
+    names = {document.iri: str(document.path) for document in ontology.documents}
+    for triple in reversed([*ontology.triples(p=OWL.imports)]):  # files between them, as imports come after importers
+        if names.get(str(triple.object)) in paths:
+            paths.add(triple.span.file)
+    others = {iri for iri, path in names.items() if path not in paths}
+    statements = main_statements(ontology, {one.path for one in ontology.documents if str(one.path) in paths})
+    return [triple for triple in statements if triple.predicate != OWL.imports or triple.object in others]
 
 
 def with_one_header(files: Sequence[Sequence[Triple]]) -> Iterator[list[Triple]]:

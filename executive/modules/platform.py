@@ -109,9 +109,9 @@ class Arms:
         return None
 
     def holding_for(self, action: Action, arms: Sequence[ArmModel]) -> list[ArmModel]:
-        """List the arms that hold an object for a step: only those with the thing that it is about, if they hold it."""
+        """List the arms that hold an object for a step: the thing that it is about, or any if it is about none."""
         holding, thing = self.holding(arms), self.thing_of(action)
-        return [arm for arm in holding if self._holds(arm, thing)] or holding
+        return holding if thing is None else [arm for arm in holding if self._holds(arm, thing)]
 
     def with_stated(self, action: Action) -> list[ArmModel]:
         """List the arms that hold the object that a step names; if it names none, those that hold one for the step."""

@@ -197,6 +197,13 @@ class RunSettings(SituationSettings):
         int | None,
         option(least=0, metavar="N", help="Seed for displacing things in the simulated world; 0: displace nothing."),
     ] = None
+    apply: Annotated[
+        Path | None,
+        option(
+            metavar="FILE",
+            help="Change the map, and options, as a failed run advises: its JSON, or a list of changes.",
+        ),
+    ] = None
     gui: Annotated[bool, option(help="Show the world in a window.", is_shown=True)] = False
     trace: Annotated[Path | None, written("Write the trace of the run, as JSON Lines.")] = None
     picture: Annotated[Path | None, written("Write a picture of the final scene, as PNG.", PNG)] = None

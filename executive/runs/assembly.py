@@ -299,6 +299,9 @@ class RobotExecutive:
                 bodies = self.platform.scene.bodies  # a thing that was not found yet is in no hand
                 known = bodies.known(what) if bodies.means_unknown(what) else bodies.bind(what)
                 return known in self.platform.belief.held
+            case Condition("hand_free", ()):
+                arms = self.platform.scene.arms
+                return any(arm.gripper is not None and arms.held(arm.name) is None for arm in arms.able(arms.all))
             case Condition("open" | "closed" as state, (Object() as what,)):
                 belief, leaves = self.platform.belief, self.platform.scene.bodies.leaves_of(what, shut=state == "open")
                 values = [(joint, belief.joint(joint.leaf)) for joint in leaves if belief.witnessed(joint.leaf)]
@@ -313,7 +316,7 @@ class RobotExecutive:
         if decided is not None:
             return decided
         raise ValueError(
-            f"cannot decide {condition}; valid conditions: holding(object), open(object), closed(object), "
+            f"cannot decide {condition}; valid conditions: holding(object), open(object), closed(object), hand_free(), "
             "located(location, object or device), contains(thing, substance, amount), baked(thing, seconds), "
             "switched_on(device), destroyed(thing), created(thing), transformed_into(thing, thing)"
         )

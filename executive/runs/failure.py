@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import sim
+from planlang.advice import Change
 from planlang.diagnostics import line_in
 from planlang.failures import PlanFailure
-from planlang.language.recovery import why_unresolvable
+from planlang.language.recovery import advised_changes, why_unresolvable
 from planlang.plan_failure import each_once, links_of
 from planlang.records import dataclass
 
@@ -28,6 +29,8 @@ class Failure:
     """What to change, in a sentence, if known."""
     causes: tuple[Failure, ...] = ()
     """Failures that caused it, the nearest first."""
+    changes: tuple[Change, ...] = ()
+    """What the advice changes in the map or in the call, as data, which ``apply`` of a run takes."""
 
     @staticmethod
     def of(problem: BaseException, where: str | None = None) -> Failure:
@@ -40,6 +43,7 @@ class Failure:
             where or _where(first),
             why_unresolvable(links) or None,
             tuple(Failure(type(link).__name__, str(link), _where(link)) for link in causes),
+            advised_changes(links),
         )
 
     @property
@@ -54,9 +58,10 @@ class Failure:
         return f"{self.type}: {message}{advice}"
 
     def as_json(self) -> dict[str, Any]:
-        """Class, message, where and advice (or null), and causes, for JSON."""
+        """Class, message, where and advice (or null), its changes, and causes, for JSON."""
         own = {"class": self.type, "message": self.message, "where": self.where, "advice": self.advice}
-        return {**own, "causes": [one.as_json() for one in self.causes]}
+        changes = [one.as_json() for one in self.changes]
+        return {**own, "changes": changes, "causes": [one.as_json() for one in self.causes]}
 
 
 def _where(link: BaseException) -> str | None:

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from executive.maps import SemanticMap, read_map, scene_of
+from executive.maps import SemanticMap, scene_of
 from executive.maps.in_hand import in_hands
 from executive.maps.recognition_models import GivenPart, read_given_parts, with_given_parts
 from executive.modules.bundled import bundled_registry
@@ -43,7 +43,7 @@ from executive.runs.plan_files import (
     required_of_plan,
     without_module,
 )
-from executive.runs.prepared import Inputs, RunFiles, prepared
+from executive.runs.prepared import Inputs, RunFiles, prepared, read_environment
 from executive.runs.remedies import able_robots, absent_things, call_of, call_to_pass_on, performing
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256, versions
 from executive.runs.written import WatchedWorld, Written, bodies_of
@@ -214,16 +214,11 @@ class Run:
     def _subject(self) -> _Subject:
         """Read the map and bind the parameters. Raises BadInput for an invalid map or parameter."""
         options, files, found = self.options, self.files, self.found
-        assert files.environment is not None
         if self._is_by_hand:
             recipe = recipe_of_plan(self.source, found, folders=options.folders)
             if recipe is not None:
                 self._recipe, self._requirements = (recipe,), required_of_plan(recipe, self.source, self.plan)
-        read = self._inputs.once
-        ontology = read(load, files.environment, folders=options.folders, also=files.additions)
-        semantic_map = read(read_map, ontology, ignore_unread=options.ignore_unread)
-        found += (*ontology.diagnostics, *semantic_map.diagnostics)
-        semantic_map = replace(semantic_map, recipes=self._recipe)
+        semantic_map = replace(read_environment(files, self._inputs, found), recipes=self._recipe)
         scene = scene_of(semantic_map, found)
         if files.recorded is not None and not options.set:
             bound = recorded_parameters(files.recorded, plan_parameters(self.plan))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import json
 import os
 import sys
 from collections.abc import Callable, Hashable, Iterator, Mapping
@@ -10,8 +11,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
+from executive.maps import SemanticMap, read_map
+from executive.maps.changed import changed_map
 from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
-from executive.options.declaring import check_written, names
+from executive.options.declaring import check_written, names, planar
 from executive.options.running import RunSettings
 from executive.runs.files import (
     RecipeFile,
@@ -26,10 +29,12 @@ from executive.runs.files import (
 )
 from executive.runs.options import RunOptions
 from executive.runs.traces import TraceHeader, header_to_repeat, read_trace
-from planlang.diagnostics import Diagnostic, WrongOption, error
+from planlang.advice import Change, changes_in
+from planlang.diagnostics import BadInput, Diagnostic, Span, WrongOption, error
 from planlang.extras import no_recorder
-from planlang.files import Bundled
+from planlang.files import Bundled, decode, read_file
 from planlang.language.source import PlanSource
+from planlang.ontology import load
 from planlang.outputs import Named
 from planlang.records import dataclass
 from planlang.runs import RecordedRun
@@ -71,6 +76,8 @@ class RunFiles:
     recorded: RecordedRun | None = None
     """The run that is resumed, or repeated."""
     notes: tuple[Diagnostic, ...] = ()
+    changes: tuple[Change, ...] = ()
+    """What is changed in the map."""
 
     @property
     def plan(self) -> Path | None:
@@ -114,11 +121,13 @@ def prepared(options: RunOptions) -> RunFiles:
         problems += _check_outputs(options, inputs)
     refuse(problems)
     accepted(options.accept)
+    changes = _changes(options.apply)
+    start = next((planar(one.value) for one in changes if one.what == "start"), None)
     options = replace(
         options,
         **{name: getattr(options, name) or value for name, value in header.settings.items()},
         task=options.task or header.task,
-        start=options.start or header.start,
+        start=options.start or start or header.start,
         schedule=header.schedule if options.schedule is None else options.schedule,
         trace=options.trace or (options.resume if options.repeated is None else None),
         models=options.models or None,
@@ -132,7 +141,19 @@ def prepared(options: RunOptions) -> RunFiles:
         seed=header.seed if options.seed is None else options.seed,
         recorded=recorded,
         notes=tuple(notes),
+        changes=tuple(one for one in changes if one.thing is not None),
     )
+
+
+def _changes(file: Path | None) -> tuple[Change, ...]:
+    """Read what a failed run advises to change. Raises BadInput for another file."""
+    if file is None:
+        return ()
+    try:
+        return changes_in(json.loads(decode(read_file(file), str(file))))
+    except ValueError as problem:
+        advice = Text("write the JSON of a failed run into it: ", Option("json", True))
+        raise BadInput([error("C025", f"no changes to apply: {problem}", Span(str(file)), advice)]) from None
 
 
 def prepared_to_replay(options: RunOptions, header: TraceHeader) -> RunFiles:
@@ -210,3 +231,18 @@ class Inputs:
             self._kept[key] = read(*arguments, **options)
         result: T = self._kept[key]
         return result
+
+
+def read_environment(files: RunFiles, inputs: Inputs, found: list[Diagnostic]) -> SemanticMap:
+    """Read the map of a run, and change it if the run is to; problems go to ``found``. Raises BadInput."""
+    options, read = files.options, inputs.once
+    assert files.environment is not None
+    ontology = read(load, files.environment, folders=options.folders, also=files.additions)
+    semantic_map = read(read_map, ontology, ignore_unread=options.ignore_unread)
+    if files.changes:
+        content = changed_map(semantic_map, (files.environment, *files.additions), files.changes, found).encode()
+        folders = (*options.folders, files.environment.parent)
+        ontology = read(load, files.environment, folders=folders, content=content)
+        semantic_map = read(read_map, ontology, ignore_unread=options.ignore_unread)
+    found += (*ontology.diagnostics, *semantic_map.diagnostics)
+    return semantic_map

@@ -44,6 +44,7 @@ from planlang.compiler.tree import (
     Series,
     State,
     StepResult,
+    Turn,
     uses_latest_products,
 )
 from planlang.designators import local_name, snake_case
@@ -116,7 +117,8 @@ class BodyWriter:
         if isinstance(node, Gate):
             return self._gate(node, depth)
         if isinstance(node, Hold):
-            holding = call(self._symbols.use("using"), *map(quoted, node.roles))
+            more: dict[str, str] = {"in_turns": "True"} if node.in_turns else {}
+            holding = call(self._symbols.use("using"), *map(quoted, node.roles), **more)
             before, expression = self._awaited(node.body, depth)
             inside = self._bound(node, expression, depth + 1)
             return [*before, *statement(holding, depth=depth, before="async with ", after=":"), *inside]
@@ -193,6 +195,8 @@ class BodyWriter:
         match node:
             case Perform() | Call():
                 return [], self._performed(node)
+            case Turn():
+                return [], call(use("give_turn"))
             case Achieve(condition, Perform() | Call() as step):
                 _, performed = self._awaited(step, depth)
                 return [], performed.extended(until=self._write.condition(condition))

@@ -34,6 +34,7 @@ from planlang.compiler.tree import (
     Scope,
     Series,
 )
+from planlang.compiler.turns import Turns
 from planlang.designators import snake_case
 from planlang.diagnostics import Diagnostic, note
 from planlang.effects import effects_of
@@ -65,6 +66,7 @@ class Lowering:
     def tree(self) -> PlanTree:
         """Build the plan tree of all recipes."""
         functions = [self._function(recipe) for recipe in callees_first(self._recipes) if recipe.within is None]
+        functions = [self._steps.turns.added(function) for function in functions]
         steps = (step for recipe in self._recipes.recipes.values() for step in self._terms.steps(recipe))
         steps = (step for step in steps if not step.is_choice)
         classes = stated_classes(self._actions.ontology, map(self._terms.performed_class, steps))
@@ -85,6 +87,7 @@ class Lowering:
             recoveries += chooser.going_back(recipe.action_class, about)
             if recoveries:
                 body = Series((Handle(body, recoveries),))
+        self._steps.turns.bodies[recipe.iri] = body
         return Function(recipe.iri, recipe.label, self._terms.parameters(recipe), body)
 
     def _machine(self, recipe: Recipe) -> Series:
@@ -116,8 +119,9 @@ class Lowering:
             inner = node(iri)
             # if the recipe does not move the base, the scope of its caller handles recoveries that look from elsewhere
             is_outermost = recipe.iri == self._recipes.task or self._actions.moves_the_base(recipe, self._recipes)
-            if unit.base is None and is_outermost:
-                inner = self._steps.with_looking(recipe, inner, [recipe.step(iri)], in_scope=not self._scopes)
+            if is_outermost:
+                alone, step = unit.base is not None, recipe.step(iri)
+                inner = self._steps.with_looking(recipe, inner, [step], in_scope=alone or not self._scopes, alone=alone)
             return overlaps.gated(iri, inner)
 
         nodes = [unit_node(unit) for unit in scoping.units]
@@ -215,7 +219,7 @@ class Steps:
         """Recipe -> things that it holds at its end, with the recoveries from losing them in later steps."""
         self._unrepeatable: dict[str, bool] = {}
         """Recipe (IRI) -> whether it has a step that must not be repeated, directly or in a recipe below it."""
-
+        self.turns = Turns()
         self.recoveries_in_words: dict[tuple[str, str], tuple[str, ...]] = {}
         """(Recipe, step) (IRIs) -> recoveries, in words."""
 
@@ -240,10 +244,10 @@ class Steps:
         recoveries = () if step.is_choice else recoveries
         if recoveries:
             node = Handle(node, recoveries)
-        leaving = self.recoveries.around_scope(step, self.recoveries.looked_at(step))
+        leaving = self.recoveries.around_scope(step)
         self.recoveries_in_words[recipe.iri, step.iri] = tuple(map(_in_words, (*recoveries, *leaving)))
         if step.iri in holding:
-            node = Hold(step.name, self._roles.of(recipe, step), node)
+            node = Hold(step.name, self._roles.of(recipe, step), node, self.turns.among(step.recipes))
         return node
 
     def _alternatives(self, step: Step) -> Iterator[tuple[str, Node]]:
@@ -252,10 +256,13 @@ class Steps:
             recipe = self._recipes.recipes[name]
             yield from ((inner.name, self.node(recipe, inner, frozenset())) for inner in recipe.steps)
 
-    def with_looking(self, recipe: Recipe, node: Node, steps: Iterable[Step], *, in_scope: bool = True) -> Node:
+    def with_looking(
+        self, recipe: Recipe, node: Node, steps: Iterable[Step], *, in_scope: bool = True, alone: bool = False
+    ) -> Node:
         """Add the recoveries of steps that move the base, one per failure; none if a step must not be repeated."""
         steps = tuple(steps)
-        chosen = () if any(self._is_unrepeatable(step) for step in steps) else self._leaving(recipe, steps, in_scope)
+        is_once = any(self._is_unrepeatable(step) for step in steps)
+        chosen = () if is_once else self._leaving(recipe, steps, in_scope=in_scope, alone=alone)
         if not chosen:
             return node
         if isinstance(node, Handle):
@@ -307,21 +314,23 @@ class Steps:
                 self._unrepeatable[callee] = any(map(self._is_unrepeatable, self._recipes.recipes[callee].steps))
         return step.is_abstract or any(self._unrepeatable[callee] for callee in step.recipes)
 
-    def _leaving(self, recipe: Recipe, steps: Iterable[Step], in_scope: bool) -> tuple[Recover, ...]:
+    def _leaving(
+        self, recipe: Recipe, steps: Iterable[Step], *, in_scope: bool, alone: bool = False
+    ) -> tuple[Recover, ...]:
         recoveries: dict[str, Recover] = {}
-        for recovery in self._around_scope(recipe, steps, in_scope):
+        for recovery in self._around_scope(recipe, steps, in_scope, alone):
             recoveries.setdefault(recovery.failure, recovery)
         return tuple(recoveries.values())
 
-    def _around_scope(self, recipe: Recipe, steps: Iterable[Step], in_scope: bool) -> Iterator[Recover]:
+    def _around_scope(self, recipe: Recipe, steps: Iterable[Step], in_scope: bool, alone: bool) -> Iterator[Recover]:
         for step in steps:
-            yield from self.recoveries.around_scope(step, self.recoveries.looked_at(step), in_scope=in_scope)
+            yield from self.recoveries.around_scope(step, in_scope=in_scope, alone=alone)
             for callee in step.recipes:
                 below = self._recipes.recipes[callee]
                 if not self._actions.moves_the_base(below, self._recipes):
                     key = callee, in_scope
                     if key not in self._around:
-                        self._around[key] = self._leaving(below, self._terms.steps(below), in_scope)
+                        self._around[key] = self._leaving(below, self._terms.steps(below), in_scope=in_scope)
                     substitution = self._terms.substitution(recipe, step, callee)
                     yield from (_renamed(recovery, substitution) for recovery in self._around[key])
 

@@ -13,7 +13,7 @@ from planlang.language.location import CURABLE
 from planlang.language.recovery import retry
 from planlang.recipe.actions import Actions, RecoveryRule, gone_to, recoveries_of
 from planlang.recipe.checks import check
-from planlang.recipe.model import Kind, Step, Thing
+from planlang.recipe.model import Kind, Place, Step, Thing
 from planlang.recoveries import Strategy, find_strategy, registered_strategies
 from planlang.spelling import similar
 
@@ -25,6 +25,13 @@ CURED = frozenset(failure.__name__ for failure in CURABLE)
 
 RAISED = (ObjectUnreachable.__name__, ObjectUndeliverable.__name__)
 """Failures that a location scope raises after its last base pose: with nothing in the hand, and with something."""
+
+UNRESOLVED = frozenset(
+    name
+    for name, kind in vars(failures).items()
+    if isinstance(kind, type) and issubclass(kind, failures.LocationUnresolvable)
+)
+"""Failures of a base motion instead of which a location scope raises those."""
 
 FROM_HERE = frozenset(kind.__name__ for kind in CURABLE if issubclass(kind, (ManipulationFailure, LookingFailure)))
 """Those that are retried from the same base pose outside a scope: contacts felt so far change the motion."""
@@ -119,12 +126,13 @@ class Recoveries:
         """Names of the rules that apply to a class."""
         return frozenset(rule.name for _, rule in self._of(cls))
 
-    def around_scope(self, step: Step, about: Thing | None, *, in_scope: bool = True) -> tuple[Recover, ...]:
+    def around_scope(self, step: Step, *, in_scope: bool = True, alone: bool = False) -> tuple[Recover, ...]:
         """Recoveries that move the base: those of the step's class, and of the actions that its primitive implies.
 
         Outside a scope, which could try the next base pose, failures that this might cure are retried from here.
+        ``alone``: a base motion that begins no scope, and itself fails where a scope would raise a failure of its own.
         """
-        classes = [step.iri]
+        about, classes = self.looked_at(step) or self._driven_to(step), [step.iri]
         if (primitive := self._actions.primitive(step)) is not None:
             classes += primitive.implies
         chosen: dict[str, Recover] = {}
@@ -132,6 +140,8 @@ class Recoveries:
             if rule.strategy == NEXT_SOLUTION:
                 if not in_scope and failure in FROM_HERE:
                     chosen.setdefault(failure, Recover(failure, REPEAT, None, ATTEMPTS_FROM_HERE, rule.escalates_to))
+                continue
+            if failure in UNRESOLVED and not alone and self._actions.is_base_motion(step):
                 continue
             strategy = find_strategy(rule.strategy)
             if about is not None and strategy is not None and strategy.moves_base and not strategy.goes_back:
@@ -155,6 +165,13 @@ class Recoveries:
                 return filler
         candidates = (thing for filler in step.fillers("toLocation") for thing in gone_to(filler))
         return next((thing for thing in candidates if thing.kind is Kind.OBJECT), None)
+
+    def _driven_to(self, step: Step) -> Thing | None:
+        """Object to which a base motion has its goal in a relation, such as near it."""
+        places = (place for place in step.fillers("toLocation") if isinstance(place, Place))
+        things = (one for place in places for _, references in place.relations for one in references)
+        objects = (one for one in things if isinstance(one, Thing) and one.kind is Kind.OBJECT)
+        return next(objects, None) if self._actions.is_base_motion(step) else None
 
 
 def _recover(failure: str, rule: RecoveryRule, strategy: Strategy, about: Thing | None) -> Recover:

@@ -151,11 +151,20 @@ class Handle:
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """Run the body while holding resources (roles), which are granted all at once; ``name`` is that of the step."""
+    """Run the body while holding resources (roles), which are granted all at once; ``name`` is that of the step.
+
+    ``in_turns``: the body has a :class:`Turn`.
+    """
 
     name: str
     roles: tuple[str, ...]
     body: Node
+    in_turns: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """Where another step that waits for the resources of a :class:`Hold` around may go first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -271,6 +280,7 @@ Node = (
     | Handle
     | Again
     | Hold
+    | Turn
     | Scope
     | Parallel
     | Alternatives

@@ -123,7 +123,7 @@ class Task(Node):
         self.node = self
         self.begun = self.dead = self.woken = self.in_queue = self.cancelled = self.doomed = self.thrown = False
         self.deliveries = self.shields = self.count = self.holds = 0
-        self._counts = self._path = self.outcome = self.result = self.failure = self.crash = None
+        self._counts = self._before = self._path = self.outcome = self.result = self.failure = self.crash = None
         self.cleanup_failures = self.coroutine = self.scope = self.wait = self.value = self.error = self.overrun = None
         self.timers = self.hooks = self.generators = self.stream = self.watched = None
 

@@ -31,7 +31,7 @@ class Scope(BaseScope):
         self.scheduler, self.owner = here()
         if self.transparent:  # a node that is never recorded and has no name under its parent
             self.parent, self.kind, self.base_name, self.ordinal = self.owner.node, kind, kind, 1
-            self._counts = self._path = None
+            self._counts = self._before = self._path = None
             self.number = 0
             self.written = ""
         else:

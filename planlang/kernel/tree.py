@@ -40,7 +40,7 @@ _FINAL = frozenset({SUCCEEDED, FAILED, EVAPORATED})
 class Node:
     """A node of the tree of a run. Names are unique under a parent: repeated ones are numbered ``#2``, ``#3``."""
 
-    __slots__ = ("_counts", "_path", "base_name", "kind", "number", "ordinal", "parent", "written")
+    __slots__ = ("_before", "_counts", "_path", "base_name", "kind", "number", "ordinal", "parent", "written")
 
     def __init__(self, parent: Node, kind: str, name: str) -> None:
         self.parent: Node | None = parent
@@ -48,6 +48,8 @@ class Node:
         self.base_name = name
         """The path element without its number."""
         self._counts: dict[str, int] | None = None
+        self._before: dict[str, int] | None = None
+        """Names under this node before the present attempt, and how often each occurred."""
         self._path: str | None = None
         self.number = 0
         """Number in the trace; 0 until it is assigned there."""
@@ -85,10 +87,24 @@ class Node:
         self._path = path
         return path
 
-    def path_of_next(self, name: str) -> str:
-        """Path that the next node of this name will have under this one."""
-        number = 1 if self._counts is None else self._counts.get(name, 0) + 1
-        return f"{self.path}/{name}" if number == 1 else f"{self.path}/{name}#{number}"
+    def begin_attempt(self) -> None:
+        """Begin the body of this node again, as a recovery does: :attr:`occasion` numbers the nodes below it anew."""
+        self._before = None if self._counts is None else dict(self._counts)
+
+    @property
+    def occasion(self) -> str:
+        """The path, but with numbers that begin anew with each attempt: what an attempt repeats has it in common."""
+        if self.parent is None:
+            return self.base_name
+        return self.parent._occasion_of(self.base_name, self.ordinal)
+
+    def occasion_of_next(self, name: str) -> str:
+        """Occasion that the next node of this name will have under this one."""
+        return self._occasion_of(name, 1 if self._counts is None else self._counts.get(name, 0) + 1)
+
+    def _occasion_of(self, name: str, ordinal: int) -> str:
+        number = ordinal - (0 if self._before is None else self._before.get(name, 0))
+        return f"{self.occasion}/{name}" if number == 1 else f"{self.occasion}/{name}#{number}"
 
     @property
     def unused(self) -> bool:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from planlang.designators import Device, Location, Object, a_location
+from planlang.designators import Condition, Device, Location, Object, a_location
 from planlang.failures import (
     GripperGoalNotReached,
     HandsFull,
@@ -28,6 +28,7 @@ from planlang.failures import (
     PlanFailure,
 )
 from planlang.kernel import Scope, Status, Task, WorldFluent, failure_of, wait_for
+from planlang.kernel.core import here
 from planlang.kernel.primitives import node, record
 from planlang.kernel.tree import name_of
 from planlang.language.branches import Branch
@@ -97,8 +98,9 @@ async def at_location(
     has begun (``perform(..., once=True)``), the body does not run again, and its failure is raised. ``recoveries``
     handle failures of all this, as in ``with_failure_handling``; the base is released then, so that they may drive.
 
-    Raises ObjectUnreachable, or ObjectUndeliverable while an object is held. Its cause is the last failure of the body,
-    LocationUnresolvable if no pose was found at all, or MissingCapability if the robot lacks a capability.
+    Raises ObjectUnreachable, or ObjectUndeliverable while an object is held and no other is to be grasped. Its cause is
+    the last failure of the body, LocationUnresolvable if no pose was found at all, or MissingCapability if the robot
+    lacks a capability.
     """
     _AT_LOCATION.branch("body", body)
     _AT_LOCATION.instance("location", location, Location, "a location")
@@ -238,14 +240,18 @@ class _Visit:
         held = ", ".join(self.executive.held())
         if held and isinstance(cause, HandsFull):
             return ObjectUndeliverable(f"{_reference(self.location)} cannot be reached with full hands", what=held)
-        if held:
+        # what is yet to be grasped is out of reach, whatever the other hand holds
+        grasped = tuple(_grasped(self.location)) if held else ()
+        wanted = next((one for one in grasped if not self.executive.holds(Condition("holding", (one,)))), None)
+        if held and wanted is None:
             return ObjectUndeliverable(what=held)
-        return ObjectUnreachable(what=_reference(self.location))
+        return ObjectUnreachable(what=_reference(self.location) if wanted is None else wanted.name)
 
     async def _visit(self, solution: Solution, body: Branch) -> Any:
         self._solution = solution
         for _ in range(MAX_DISPLACEMENTS + 1):
             await self._go(solution)
+            here()[1].node.begin_attempt()
             attended = _BodyAtPose(self, body)
             result = await attended.execute()
             if not attended.displaced:
@@ -327,6 +333,16 @@ async def make_room(executive: Executive) -> None:
 
 def _near(solution: Solution, failed: Solution) -> bool:
     return solution.revision == failed.revision and math.dist(solution.base[:2], failed.base[:2]) <= SAME_POSE
+
+
+def _grasped(location: Location) -> Iterator[Object]:
+    """Yield the objects that a hand grasps at a location, or in reach of it."""
+    for relation in location.relations:
+        for reference in relation.references:
+            if isinstance(reference, Location):
+                yield from _grasped(reference)
+            elif relation.name == "in_center_of" and not relation.negated:
+                yield reference
 
 
 def _reference(location: Location) -> str:

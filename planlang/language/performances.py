@@ -1,7 +1,8 @@
 """Performances of steps: in each, a designator by class means one thing, and in another one perhaps another thing.
 
 ``an_object("Cup")`` says of which class a thing is, not which one it is. The outermost step around an action that
-mentions such a designator is what it is bound for: all that happens within this performance means the same thing. An
+mentions such a designator is what it is bound for: all that happens within this performance means the same thing. What
+an attempt repeats, of a recovery, at another base pose or after a suspension, is the same performance again. An
 executive asks :func:`performance_of` which performance that is.
 """
 
@@ -20,18 +21,16 @@ from planlang.kernel.tree import Node
 class Performance(NamedTuple):
     """One performance of a step that mentions a designator by class."""
 
-    path: str
-    """Path of its first node: another one for each performance, the same one when a run is resumed."""
+    occasion: str
+    """Occasion of its first node: another one for each performance, the same one for each attempt at it."""
     step: str
     """What is performed and where in the plan: the same in each performance of a step."""
     actions: tuple[Action | None, ...]
     """Actions in progress that mention the designator, outermost first; None for a scope such as ``at_location``."""
-    is_retry: bool = False
-    """True if the same step has failed before, and a recovery repeats it."""
     is_round: bool = False
     """True within a state that has been entered before."""
     group: str | None = None
-    """Path above performances that are about different things; None if they need not be."""
+    """Occasion above performances that are about different things; None if they need not be."""
 
 
 class _Begun(NamedTuple):
@@ -95,15 +94,12 @@ def performance_of(what: Object) -> Performance | None:
     while node is not None and node is not begun.node:
         first, node = node, node.parent
     above = list(_upwards(begun.node))
-    path = begun.node.path_of_next(begun.name) if first is None else first.path
-    is_first = path == f"{begun.node.path}/{begun.name if first is None else first.base_name}"
     return Performance(
-        path,
+        begun.node.occasion_of_next(begun.name) if first is None else first.occasion,
         "/".join([*(one.base_name for one in reversed(above)), begun.step]),
         tuple(one.action for one in around),
-        begun.node.kind == "with_failure_handling" and not is_first,
         any(one.kind == "state" and one.ordinal > 1 for one in above),
-        begun.node.path if begun.times > 1 else None,
+        begun.node.occasion if begun.times > 1 else None,
     )
 
 

@@ -15,7 +15,7 @@ from planlang.kernel.core import here, running
 from planlang.kernel.primitives import called, in_node, record
 from planlang.kernel.signals import Expression
 from planlang.kernel.tree import Node, name_of
-from planlang.language.branches import Branch
+from planlang.language.branches import Branch, evaporating
 from planlang.language.budgets import charge
 from planlang.language.conditions import Goal, achieving
 from planlang.language.executive import current, executive_for
@@ -23,7 +23,7 @@ from planlang.language.performances import performing
 from planlang.language.plans import Handle, Plan, Restarting, join
 from planlang.language.process_module import performs
 from planlang.language.recovery import Recovery, recoveries_of, recovering
-from planlang.language.resources import using
+from planlang.language.resources import hand_freed, using
 from planlang.misuse import Usage, WrongType, contrast, did_you_mean, written
 
 if TYPE_CHECKING:
@@ -168,8 +168,18 @@ async def perform(
     rules, result = tuple(recoveries_of(_PERFORM, recoveries)), None
     for _ in range(times):
         with performing(action, path_element, times=times):
-            result = await recovering(step, rules)
+            result = await _with_hands(partial(recovering, step, rules))
     return result
+
+
+async def _with_hands(step: Branch) -> Any:
+    """Perform a step; if it lacks a hand that a waiting part of the plan has in use, that goes on first."""
+    try:
+        return await step()
+    except PlanFailure as failure:
+        if evaporating() or not await hand_freed(failure):
+            raise
+    return await step()
 
 
 async def _performed(action: Action, path_element: str, once: bool, otherwise: Branch | None) -> Any:

@@ -393,6 +393,7 @@ class Restarting(Single):
     def decide(self, dead: list[Task]) -> None:
         if self.interrupted and dead[0].outcome is Status.EVAPORATED:
             self.interrupted = False
+            self.begin_attempt()
             self.start(self.body, self.body_name, 0)  # stays suspended until the owner is woken up
             return
         super().decide(dead)

@@ -10,6 +10,7 @@ from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from planlang.advice import Change
 from planlang.failures import CompositeFailure, HighLevelFailure, LocationUnresolvable, PlanFailure
 from planlang.kernel.core import here
 from planlang.kernel.primitives import called, node, record
@@ -241,6 +242,7 @@ async def _attempts(body: Callable[..., Awaitable[V]], entries: list[_Entry]) ->
     attempt = 0
     while True:
         attempt += 1
+        here()[1].node.begin_attempt()
         record("attempt", attempt=attempt, **({"alternatives": keywords} if keywords else {}))
         try:
             return await called(body, **keywords)
@@ -382,6 +384,11 @@ def why_unresolvable(links: Iterable[BaseException]) -> str:
     """Reason of the first location among failures that could not be found, as a sentence; "" if none tells one."""
     reasons = (link.because() for link in links if isinstance(link, LocationUnresolvable))
     return next(filter(None, reasons), "")
+
+
+def advised_changes(links: Iterable[BaseException]) -> tuple[Change, ...]:
+    """Changes that the first of some failures that advises any states as data."""
+    return next(filter(None, (getattr(link, "changes", ()) for link in links)), ())
 
 
 def _causal_runs(links: list[BaseException]) -> list[list[BaseException]]:

@@ -2,10 +2,10 @@
 
 ``dump`` writes only values that ``load`` restores with the same types; it refuses all others. JSON's own types are
 written as they are. Tuples, numbers that are not finite, members of an Enum and the value types of
-:mod:`planlang.designators`, :mod:`planlang.motion_constraints`, :mod:`planlang.geometry.matrices` and
-:mod:`planlang.protocols` become objects with a key that begins with ``$``. For safety, reading creates objects of no
-other class and imports no other module: Enums and classes of constraints are looked up among those that the program has
-already defined.
+:mod:`planlang.advice`, :mod:`planlang.designators`, :mod:`planlang.motion_constraints`,
+:mod:`planlang.geometry.matrices` and :mod:`planlang.protocols` become objects with a key that begins with ``$``. For
+safety, reading creates objects of no other class and imports no other module: Enums and classes of constraints are
+looked up among those that the program has already defined.
 """
 
 from __future__ import annotations
@@ -187,6 +187,7 @@ def _floats(value: object, number: int) -> bool:
 
 _DESIGNATORS = (Object, Person, Device, Relation, Location, Posture, FixedPose, Action, Situation, Condition)
 _MODULES = (
+    "planlang.advice",
     "planlang.designators",
     "planlang.motion_constraints",
     "planlang.geometry.matrices",
@@ -195,6 +196,10 @@ _MODULES = (
 
 
 _VALUES: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    "Change": (
+        "planlang.advice",
+        lambda one: isinstance(one.what, str) and isinstance(one.thing, str | None),
+    ),
     "Pose": ("planlang.geometry", lambda pose: _floats(pose.position, 3) and _floats(pose.orientation, 4)),
     "Configuration": (
         "planlang.protocols",

@@ -21,6 +21,8 @@ Base = tuple[float, float, float]
 """Pose of the base: x, y [m], yaw [rad]."""
 
 
+HANDS = 2
+"""Number of hands of a scripted robot."""
 ROOM, NOWHERE = "room", Pose((0.0, 0.0, 0.0))
 """What a scripted world has of geometry: everything is in one room, and in the same place."""
 AT_ALL = 2 * ROUNDING
@@ -126,6 +128,8 @@ class Belief:
         first, *others = arguments
         state, queries = self._world(), WithoutPlaces()
         match condition.predicate:
+            case "hand_free":
+                return len(self.holding) < HANDS
             case "holding":
                 return first in self.holding and all(what in self.holding for what in others)
             case "located" if others:

@@ -7,11 +7,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from planlang.action_classes import ancestors_of
-from planlang.designators import Action, Condition, Location, action, local_name
+from planlang.designators import Action, Condition, Location, Object, action, local_name
 from planlang.failures import LocationUnresolvable, PlanFailure
 from planlang.kernel import now, sleep
 from planlang.kernel.core import here
 from planlang.kernel.tree import Node
+from planlang.language.performing import actions_around
 from planlang.language.process_module import ProcessModule
 from planlang.misuse import WrongValue
 from planlang.protocols import Solution
@@ -125,7 +126,9 @@ class ScriptedExecutive:
 
     def done(self, action: Action) -> None:
         """Apply the effects of an action that has succeeded to the belief."""
-        self.vocabulary.change(self.belief, action, self.ancestors(action.type))
+        fillers = (one.get("object_acted_on") for one in actions_around())
+        about = next((filler.name for filler in fillers if isinstance(filler, Object)), None)
+        self.vocabulary.change(self.belief, action, self.ancestors(action.type), about)
 
     def changed(self) -> None:
         """Write a change of the belief, if there is one, to the trace."""

@@ -62,14 +62,17 @@ class ActionVocabulary:
         """Check whether actions of these classes release an object."""
         return not self._releasing.isdisjoint(classes)
 
-    def change(self, belief: Belief, action: Action, classes: tuple[str, ...]) -> None:
-        """Apply the effects of an action that has succeeded."""
+    def change(self, belief: Belief, action: Action, classes: tuple[str, ...], about: str | None = None) -> None:
+        """Apply the effects of an action that has succeeded.
+
+        A step that names nothing lets go only of what it is ``about``, if an action around says that.
+        """
         change = self._change(classes)
         for pattern, given in change.achieved:
             self._achieve(belief, action, pattern, given)
         for pattern in change.ended:
             if pattern.predicate == "holding":
-                for what in _things(action, pattern) or (None,):
+                for what in _things(action, pattern) or (about,):
                     belief.drop(what)
             elif pattern.predicate in self._facts:
                 belief.facts |= {f"{pattern.predicate}({what})": False for what in _things(action, pattern)}

@@ -211,6 +211,60 @@ def test_a_step_that_failed_is_repeated_with_the_same_cup(room: Room) -> None:
     assert [name for _, name in hands.did] == ["cup1", "cup1"]
 
 
+def test_a_loop_under_a_recovery_takes_another_cup_in_each_round_and_no_cup_that_it_has_brought(room: Room) -> None:
+    stage, hands = room(*CUPS)
+
+    async def pick_and_bring() -> None:
+        for _ in range(3):
+            await perform(action("PickingUpAnObject", object_acted_on=CUP))
+            await bring()
+
+    stage.run(partial(with_failure_handling, pick_and_bring, Recovery(GraspMissed)))
+    assert [name for _, name in hands.did] == ["cup1", "cup1", "cup2", "cup2", "cup3", "cup3"]
+
+
+@pytest.mark.parametrize("cups", [1, 3])
+def test_a_step_of_which_a_part_failed_is_repeated_with_the_cups_of_the_first_attempt(room: Room, cups: int) -> None:
+    stage, hands = room(*CUPS[:cups], standing("bottle1", 1.3, -0.4, "DrinkingBottle"))
+
+    async def lay_the_table() -> None:
+        for _ in range(cups):
+            await bring()
+        hands.misses = len(hands.did) == cups
+        await bring(BOTTLE)
+
+    lay_it = partial(perform, action("http://example.org/r#LayTheTable"), otherwise=lay_the_table)
+    stage.run(partial(with_failure_handling, lay_it, Recovery(GraspMissed)))
+    attempt = [*(f"cup{number + 1}" for number in range(cups)), "bottle1"]
+    assert [name for _, name in hands.did] == [*attempt, *attempt]
+
+
+def test_several_cups_brought_by_an_attempt_that_failed_are_those_of_the_next_one(room: Room) -> None:
+    stage, hands = room(*CUPS, standing("bottle1", 1.3, -0.4, "DrinkingBottle"))
+
+    async def lay_the_table() -> None:
+        await perform(action("TransportingAnObject", object_acted_on=CUP, to_location=THERE), times=3)
+        hands.misses = len(hands.did) == 3
+        await bring(BOTTLE)
+
+    stage.run(partial(with_failure_handling, lay_the_table, Recovery(GraspMissed)))
+    assert [name for _, name in hands.did] == ["cup1", "cup2", "cup3", "bottle1"] * 2
+
+
+def test_after_a_repeated_step_the_next_one_means_its_cup(room: Room) -> None:
+    stage, hands = room(*CUPS)
+
+    async def pick_two() -> None:
+        for number in range(2):
+            await perform(action("PickingUpAnObject", object_acted_on=CUP))
+            hands.misses = number == 1 and len(hands.did) < 5
+            await bring()
+            await perform(action("LookingAtSomething", object_acted_on=CUP))
+
+    stage.run(partial(with_failure_handling, pick_two, Recovery(GraspMissed)))
+    assert [name for _, name in hands.did] == ["cup1"] * 3 + ["cup2"] * 2 + ["cup1"] * 3 + ["cup2"] * 3
+
+
 def test_designators_of_two_classes_do_not_disturb_each_other(room: Room) -> None:
     stage, hands = room(*CUPS[:2], standing("bottle1", 1.3, -0.4, "DrinkingBottle"))
 

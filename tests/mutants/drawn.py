@@ -180,7 +180,7 @@ def caught(mutant: Mutant, root: Path) -> tuple[bool, str]:
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder)
         for part in COPIED:
-            shutil.copytree(root / part, copy / part, ignore=shutil.ignore_patterns("__pycache__"))
+            shutil.copytree(root / part, copy / part)  # with what is compiled: a file that changes is compiled anew
         for part in ("pyproject.toml", "planlang_command.py", "README.md", "Makefile"):
             shutil.copy(root / part, copy / part)
         path = copy / mutant.file
@@ -189,7 +189,7 @@ def caught(mutant: Mutant, root: Path) -> tuple[bool, str]:
         path.write_text(
             source.replace(text, text[: mutant.begin] + mutant.after + text[mutant.end :]), encoding="utf-8"
         )
-        environment = dict(os.environ, PYTHONPATH=folder, PYTHONDONTWRITEBYTECODE="1", OPENBLAS_NUM_THREADS="1")
+        environment = dict(os.environ, PYTHONPATH=folder, PYTHONDONTWRITEBYTECODE="", OPENBLAS_NUM_THREADS="1")
         command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-k", "not ctrl_c"]
         bounded = ["sh", "-c", f'ulimit -t {CPU_TIME} && exec "$@"', "sh", *command, *tests_of(mutant.file, root)]
         try:

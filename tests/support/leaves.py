@@ -112,8 +112,10 @@ def staged(
 ) -> Room:
     """A robot in a world that it believes to be as its map says; ``stack`` ends its worlds."""
     bound = robot_of(robot)
-    believed = world_at_start(replace(scene_of(semantic_map), bounds=BOUNDS), bound, start, stack)
-    real = PyBulletWorld(replace(there, bounds=BOUNDS, start=start), bound.body())
+    low, high = np.minimum(BOUNDS[:2], there.bounds[:2]), np.maximum(BOUNDS[2:], there.bounds[2:])
+    bounds = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+    believed = world_at_start(replace(scene_of(semantic_map), bounds=bounds), bound, start, stack)
+    real = PyBulletWorld(replace(there, bounds=bounds, start=start), bound.body())
     stack.callback(real.close)
     platform = platform_of(bound, semantic_map, real, believed, 0)
     return Room(real, platform, RobotExecutive(platform, bundled_registry().resolve([]), real))

@@ -23,6 +23,8 @@ Individual: flat
     Types: knowrob:SemanticEnvironmentMap
 """
 
+ROOM = 4.1
+"""Distance of two rooms in a row [m]."""
 Triple = tuple[float, float, float]
 
 
@@ -63,23 +65,32 @@ class RoomDoor:
         file.write_text(self.text(), encoding="utf-8")
         return read_map(load(file))
 
+    def next_room(self) -> str:
+        """A third room in the row, 4.1 m further on, with such a door to it: further individuals of another one."""
+        room = _thing("beyond", self.behind, (ROOM + 2.1, 0.0, 1.3), (4.0, 4.0, 2.6))
+        return "\n".join((room, *self._door("_2", ROOM)))
+
     def _individuals(self) -> Iterator[str]:
         yield _thing("here", "Kitchen", (-2.0, 0.0, 1.3), (4.0, 4.0, 2.6))
         yield _thing("there", self.behind, (2.1, 0.0, 1.3), (4.0, 4.0, 2.6))
+        yield from self._door("", 0.0)
+
+    def _door(self, suffix: str, shift: float) -> Iterator[str]:
         if self.doorway:
-            yield _thing(self.doorway, "Doorway", (0.05, 0.0, 1.0), (0.1, self.width, 2.0))
-        x, thick = (-0.035, 0.03) if self.slides else (0.05, 0.04)
+            yield _thing(self.doorway + suffix, "Doorway", (shift + 0.05, 0.0, 1.0), (0.1, self.width, 2.0))
+        x, thick = (shift - 0.035, 0.03) if self.slides else (shift + 0.05, 0.04)
         leaf = self.width + (0.06 if self.slides else -0.02)
-        names = [f"grip{number}" for number in range(len(self.handles))]
-        parts = [f"knowrob:properPhysicalParts {name}" for name in (*names, *(["rail"] if self.slides else []))]
+        names = [f"grip{number}{suffix}" for number in range(len(self.handles))]
+        rail = f"rail{suffix}"
+        parts = [f"knowrob:properPhysicalParts {name}" for name in (*names, *([rail] if self.slides else []))]
         turned = ["knowrob:heading 180"] if self.opens < 0 else []
         size = (thick, leaf, 1.98) if self.size else None
-        yield _thing("door", "Door", (x, 0.0, 1.0), size, *turned, *parts, *self.facts)
+        yield _thing(f"door{suffix}", "Door", (x, 0.0, 1.0), size, *turned, *parts, *self.facts)
         bar = (0.02, 0.02, 0.3) if self.upright else (0.02, 0.12, 0.02)
         for name, side in zip(names, self.handles, strict=True):
             yield _thing(name, "Handle", (x + side * (thick / 2 + 0.04), -self.side * (leaf / 2 - 0.08), 1.0), bar)
         if self.slides:
-            yield "Individual: rail\n    Types: knowrob:PrismaticJoint\n"
+            yield f"Individual: {rail}\n    Types: knowrob:PrismaticJoint\n"
 
 
 def _thing(name: str, cls: str, at: Triple, size: Triple | None, *facts: str) -> str:

@@ -55,8 +55,7 @@ class HandWork(PlatformModule):
 
     def free_hands(self) -> list[ArmModel]:
         """List the empty arms that have a gripper."""
-        arms = self.platform.arms.free(self.platform.scene.arms.all)
-        return [arm for arm in arms if arm.gripper is not None]
+        return self.platform.arms.free(self.platform.scene.arms.hands)
 
     def hands_for(
         self,

@@ -33,6 +33,7 @@ from planlang.failures import (
     ManipulationFailure,
     ManipulationGoalInCollision,
     ManipulationPoseUnreachable,
+    NavigationFailure,
     PerceptionFailure,
     PlanFailure,
 )
@@ -45,6 +46,8 @@ from planlang.relations.reaching import InCenterOf
 
 BACKING = (0.15, 0.3)
 """Least distances by which the base backs off, tried in turn, when an arm has no path [m]."""
+FREER = (0.45, 0.2)
+"""The same for an arm that has no path to a hand pose: the farther back, the more room to unfold."""
 DRAWN_OUT = (0.3, 0.2, 0.1)
 """Distances to try for pulling a hand straight out of tight surroundings [m]."""
 FEW = 300
@@ -177,17 +180,59 @@ class HandReaching(HandWork):
     async def _reach(self, arm: ArmModel, location: Location) -> None:
         """Try hand poses that satisfy the location until one has a path."""
 
-        async def reach(one: tuple[HandSolution, int]) -> None:
-            await self._go(one[0], location, one[1])
-            self.platform.arms.use(arm, one[0])
+        stuck: list[HandSolution] = []
 
-        iterations = chain((ITERATIONS,), repeat(FURTHER))
+        async def reach(way: tuple[HandSolution, int, float]) -> None:
+            solution, iterations, away = way
+            try:
+                if away:
+                    await self._ready_from(solution, away)
+                await self._go(solution, location, iterations)
+            except ManipulationPoseUnreachable as problem:
+                if isinstance(problem.__cause__, NoPath) and not away:
+                    stuck.append(solution)
+                raise
+            self.platform.arms.use(arm, solution)
+
         await Skill(
-            lambda: zip(islice(self._solutions(arm, location), MOST_SOLUTIONS), iterations, strict=False),
+            partial(self._ways, arm, location, stuck),
             reach,
             between=checkpoint,
             failures=(ManipulationPoseUnreachable,),
+            most=MOST_SOLUTIONS + len(FREER),
         ).run()
+
+    def _ways(
+        self, arm: ArmModel, location: Location, stuck: Sequence[HandSolution]
+    ) -> Iterator[tuple[HandSolution, int, float]]:
+        """Yield hand poses, each with the iterations of its path search, and the distance to back off for it [m].
+
+        At last the first of those that had no path from here, ``stuck``: close to furniture an arm that is tucked has
+        little room to unfold, farther back it has.
+        """
+        solutions, unresolved = islice(self._solutions(arm, location), MOST_SOLUTIONS), None
+        try:
+            for solution, iterations in zip(solutions, chain((ITERATIONS,), repeat(FURTHER)), strict=False):
+                yield solution, iterations, 0.0
+        except LocationUnresolvable as problem:
+            unresolved = problem
+        for solution in stuck[:1]:
+            yield from ((solution, FEW, away) for away in FREER)
+        if unresolved is not None:
+            raise unresolved
+
+    async def _ready_from(self, solution: HandSolution, away: float) -> None:
+        """Back off, bring an arm into the first posture of a solution, and drive back with it."""
+        arm, first, label, here = solution.arm, solution.joints[0], solution.plan.label, self.platform.base()
+        room = self.platform.standing().with_room_for([(arm, first)], away)
+        if room is None:
+            raise ManipulationPoseUnreachable(arm=arm.name, what=label)
+        try:
+            await self.drive(room)
+            await self._joint_path(arm, first, None, label, iterations=FEW)
+            await self.drive(here)
+        except NavigationFailure as problem:
+            raise ManipulationPoseUnreachable(arm=arm.name, what=label) from problem
 
     def _solutions(self, arm: ArmModel, location: Location) -> Iterator[HandSolution]:
         """Yield the solution that the arm has begun, to continue it, then all others."""

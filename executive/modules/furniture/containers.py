@@ -15,6 +15,8 @@ import numpy as np
 
 from executive.ahead.leaving import at_rest, gets_away, leaving_first
 from executive.locations.headroom import way_out
+from executive.locations.rejections import NO_WAY
+from executive.locations.shut_ways import behind_doors, open_wide
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.furniture.leaf_paths import LeafPath, LeafPaths
 from executive.modules.furniture.witnessing import is_seen_from_here, is_witnessed
@@ -78,9 +80,17 @@ class LeafWork(HandWork):
         self._joint, self._paths, self._home = joint, LeafPaths(platform.scene, joint), platform.base()
 
     async def open(self) -> None:
-        """Open the leaf. Raises ContainerStuck, HandleNotReachable or StateUnknown."""
+        """Open the leaf; a door between rooms so far that the base drives past it, if it can be opened so far.
+
+        Raises ContainerStuck, HandleNotReachable, StateUnknown, or BehindClosedDoor if another door is in the way.
+        """
         joint = self._joint
-        await self._move(joint.upper, joint.first_open, joint.is_open)
+        wide = open_wide(self.platform.scene, joint) if joint.frame else joint.first_open
+        try:
+            await self._move(joint.upper, wide, lambda value: value >= wide)
+        except (ContainerStuck, HandleNotReachable):
+            if not joint.frame or not joint.is_open(self._value()):
+                raise
         if self._covers_something():
             with suppress(ManipulationFailure, NavigationFailure, EnvironmentManipulationFailure):
                 await self._motion(joint.upper, joint.upper).run()
@@ -147,6 +157,11 @@ class LeafWork(HandWork):
                     await checkpoint()
 
         async def otherwise(problem: PlanFailure | None, count: int) -> PlanFailure:
+            if count == 0 and self._paths.rejected.counts[NO_WAY]:
+                wanted = f"the base with a hand at {joint.handle}"
+                behind = behind_doors(self.platform.scene, self._paths.is_reached, joint.leaf, wanted, (joint.leaf,))
+                if behind is not None:
+                    return behind
             if count == WAYS and abs(self._value() - start) > NO_FURTHER * joint.upper:
                 at = f"{joint.leaf} is only at {self._value():.2f} after {count} motions"
                 return ContainerStuck(at, what=joint.leaf)

@@ -119,13 +119,15 @@ def _button_failure(
     pose = scene.bodies.pose(button.body) @ Pose(button.point)
     away = {arm.name: standing.distances([np.array([pose.position[:2]])], [arm])[0] for arm in arms}
     arm = min(arms, key=lambda one: away[one.name] - one.reach)
-    figures = [too_far(arm, button.body, away[arm.name])]
+    figures, advice = [too_far(arm, button.body, away[arm.name])], None
     normal = pose.rotation @ np.array(button.normal)
     if abs(float(normal[2])) <= UPRIGHT:
         changes = Changes(button.device, scene, Rejections(), reaches, parts=(button.body,))
-        figures.append(changes.nearer(normal[:2] / np.linalg.norm(normal[:2])) or changes.none_found())
+        advice = changes.nearer(normal[:2] / np.linalg.norm(normal[:2]))
+        figures.append(changes.none_found() if advice is None else advice.sentence)
     what = f"the base with a hand at {button.body}"
-    return LocationUnresolvable(designator=what, figures="; ".join(filter(None, figures)))
+    changed = () if advice is None else advice.changes
+    return LocationUnresolvable(designator=what, figures="; ".join(filter(None, figures)), changes=changed)
 
 
 @process_module

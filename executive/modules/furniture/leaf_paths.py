@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.changes import CLOSE, Changes
+from executive.locations.changes import CLOSE, Changes, leaf_moved
 from executive.locations.hand_solutions import base_matrices
 from executive.locations.rejections import COLLISION, NO_ROOM, NO_WAY, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.locations.standing import Standing
@@ -24,6 +24,7 @@ from executive.modules.furniture.leaf_grips import LAGS, Grips, grips_of, on_sid
 from executive.motion import Chain, cartesian_path
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
+from planlang.advice import Advice
 from planlang.designators import Action, action
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
@@ -134,7 +135,7 @@ class LeafPaths:
             return [by[number] for number in order.tolist()]
         return sorted(by, key=lambda one: not on_side_of_handle(scene, one, here)[0]) if len(by) > 1 else by
 
-    def _reach(self, scene: PlanningScene) -> bool:
+    def is_reached(self, scene: PlanningScene) -> bool:
         """Check whether an arm would reach the handle from a free base pose in a scene that is supposed.
 
         Ignores collisions of the arm.
@@ -152,7 +153,7 @@ class LeafPaths:
 
     def _moves(self, scene: PlanningScene) -> bool:
         """Check whether a path moves the leaf far enough in a scene that is supposed, within a few batches."""
-        if not self._reach(scene):  # the cheaper question
+        if not self.is_reached(scene):  # the cheaper question
             return False
         value, sufficient = float(self._values[-1]), float(self._values[self._enough - 1])
         paths = LeafPaths(scene, self._joint).towards(value, self._tried, sufficient)
@@ -165,7 +166,8 @@ class LeafPaths:
         rejected, joint = self.rejected, self._joint
         self.poses.name_crowding()
         counts, handle = rejected.ordered(), str(joint.handle)
-        rejected.first, figures = self._once_closed()
+        rejected.first, advice = self._once_closed()
+        figures = "" if advice is None else advice.sentence
         if not figures and set(counts) == {NO_GRIP}:
             body = next(iter(rejected.ordered_blocking()))
             figures = f"in each of the {counts[NO_GRIP]} grips checked, the hand is in collision, mostly with {body}"
@@ -174,13 +176,16 @@ class LeafPaths:
             figures = f"{counts[COLLISION]} postures with a hand at it are in collision, mostly with {bodies}"
         elif not figures and counts and set(counts) <= {OUT_OF_REACH.text, NO_ROOM, NO_WAY, SWEPT.text, NO_GRIP}:
             height = f"{handle} is at {self._scene.bodies.pose(handle).position[2]:.2f} m"
-            figures = Changes(handle, self._scene, rejected, self._moves).helping() or height
+            changes = Changes(handle, self._scene, rejected, self._moves)
+            advice = changes.helping()
+            figures = "; ".join(filter(None, (height, changes.none_found()))) if advice is None else advice.sentence
+        rejected.changes = () if advice is None else advice.changes
         reason = next(iter(counts), "")
         rejected.figures = {reason: figures} if figures else {}
         return rejected.failure(f"the base with a hand at {handle} as {joint.leaf} moves")
 
-    def _once_closed(self) -> tuple[Action | None, str]:
-        """Find the door or drawer in the way that is open and with which closed there is a path; None and "" if none.
+    def _once_closed(self) -> tuple[Action | None, Advice | None]:
+        """Find the door or drawer in the way that is open and with which closed there is a path; None if none.
 
         The action closes it.
         """
@@ -189,13 +194,14 @@ class LeafPaths:
         counts = {leaf: sum(blocking.get(name, 0) for name in belief.joints[leaf].bodies) for leaf in others}
         leaf = max(others, key=lambda one: counts[one], default=None)
         if leaf is None or not counts[leaf] or not self._tried:
-            return None, ""
+            return None, None
         once = LeafPaths(self._scene.supposing(belief.with_leaf(leaf, 0.0)), self._joint)
         paths = once.towards(float(self._values[-1]), self._tried, float(self._values[self._enough - 1]))
         if not any(path is not None for path in paths):
-            return None, ""
+            return None, None
         closing = action(CLOSE, object_acted_on=self._scene.bodies.designator(leaf))
-        return closing, f"with {leaf} closed, a hand could move {self._joint.leaf}"
+        said = f"with {leaf} closed, a hand could move {self._joint.leaf}"
+        return closing, Advice(said, leaf_moved(belief.joints[leaf], 0.0))
 
     # One arm
 

@@ -31,6 +31,7 @@ from executive.motion.constrained_motion import PhaseMotion, solve_motion
 from executive.motion.constraint_functions import Bound, ConstraintFunctions
 from executive.motion.errors import ConstraintsContradict, NoConstrainedPath
 from executive.robots.arms import ArmModel, too_far
+from planlang.advice import Advice
 from planlang.designators import Action, Location, Object, action, snake_case
 from planlang.failures import (
     ActionUnresolvable,
@@ -117,9 +118,14 @@ class ConstrainedWork(HandWork):
             if not moves or grounding.phase.pours or failure.blocked_by is not None or len(failure.constraints) != 1:
                 raise
             possible = partial(self._ends_somewhere, grounding)
-            reason = await compute_in_thread(partial(_out_of_reach, self.platform, motion, possible))
-            message, names = "; ".join(filter(None, (failure.message, reason))), failure.constraints
-            raise ConstraintsUnsatisfied(message, arm=failure.arm, constraints=names) from failure.__cause__
+            reason, advice = await compute_in_thread(partial(_out_of_reach, self.platform, motion, possible))
+            said = (failure.message, reason, None if advice is None else advice.sentence)
+            raise ConstraintsUnsatisfied(
+                "; ".join(filter(None, said)),
+                arm=failure.arm,
+                constraints=failure.constraints,
+                changes=() if advice is None else advice.changes,
+            ) from failure.__cause__
 
     async def _places(self, grounding: Grounding) -> AsyncIterator[tuple[BasePose, Array | None]]:
         """Yield base poses with an end of the motion: the present one first, if the arms need not stretch there.
@@ -469,19 +475,20 @@ def _narrowed(constraint: MotionConstraint) -> MotionConstraint:
     )
 
 
-def _out_of_reach(platform: Platform, motion: GroundedMotion, does: Callable[[PlanningScene], bool]) -> str:
+def _out_of_reach(
+    platform: Platform, motion: GroundedMotion, does: Callable[[PlanningScene], bool]
+) -> tuple[str, Advice | None]:
     """Describe how near a shoulder gets to the first movable object of a motion, and where that would have to stand.
 
-    ``does``: predicate whether the motion is possible from some base pose in a scene that is supposed. Returns "" for a
-    motion without a movable object.
+    ``does``: predicate whether the motion is possible from some base pose in a scene that is supposed. Returns "" and
+    None for a motion without a movable object.
     """
     bodies, arm = platform.scene.bodies, motion.arms[0]
     objects = ((bodies.bind(one), pose[:2, 3]) for one, pose in motion.things.items())
     first = next((one for one in objects if bodies.is_movable(one[0]) and bodies.support(one[0]) is not None), None)
     if first is None:
-        return ""
+        return "", None
     name, position = first
     distance = platform.standing().distances([position[None]], motion.arms)[0]
     reason = too_far(arm, name, distance)
-    nearer = Changes(name, platform.scene, Rejections(), does).nearer()
-    return "; ".join(filter(None, (reason, nearer)))
+    return reason, Changes(name, platform.scene, Rejections(), does).nearer()

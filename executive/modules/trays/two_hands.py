@@ -171,7 +171,7 @@ class TwoHands(HandWork):
         platform, bodies = self.platform, self.platform.scene.bodies
         free, needed = self.free_hands(), bodies.hands(name)
         if len(free) < needed or needed > 2:
-            raise HandsLacking(designator=f"take {name}", what=name, needed=needed, hands=len(free))
+            raise self._lacking(name)
         mass = bodies.mass(name)
         pairs = [pair for pair in combinations(free, 2) if mass / 2 <= min(arm.payload for arm in pair)]
         if not pairs:
@@ -179,6 +179,10 @@ class TwoHands(HandWork):
             raise TooHeavy(designator=name, what=name, mass=mass, payload=payload, hands=2, load=bodies.load(name))
         joints = platform.world.configuration().joints
         return [PairPaths(platform, ArmPair(pair, joints)) for pair in pairs]
+
+    def _lacking(self, name: str) -> HandsLacking:
+        needed, free, hands = self.platform.scene.bodies.hands(name), self.free_hands(), self.platform.scene.arms.hands
+        return HandsLacking(designator=name, what=name, needed=needed, hands=len(free), of=len(hands))
 
     async def _nowhere(
         self, name: str, pairs: Sequence[PairPaths], doing: str, problem: PlanFailure | None, tried: int
@@ -250,6 +254,8 @@ class TwoHands(HandWork):
         platform = self.platform
         grip = platform.belief.held.get(name)
         arms = [arm for arm in platform.scene.arms.all if grip is not None and arm.name in grip.arms]
+        if len(arms) != 2 and len(platform.scene.arms.hands) < 2:
+            raise self._lacking(name)
         if len(arms) != 2:
             raise ActionUnresolvable(f"{name} is not held in two hands; grasp it first", designator=name)
         return PairPaths(platform, ArmPair((arms[0], arms[1]), platform.world.configuration().joints))

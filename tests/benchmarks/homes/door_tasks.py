@@ -67,3 +67,13 @@ def through_closed_doors(home: Home) -> Task:
     needs = [*_opened(doors), *takes_and_puts([thing], table)]
     wanted = all_of(goals.on(thing, table), goals.shut(*(one.name for one in doors)))
     return task_of(home, "through_closed_doors", steps, wanted, [thing], needs)
+
+
+@template
+def to_a_room_behind_doors(home: Home) -> Task:
+    """Drive to a table behind closed doors, of which the recipe says nothing."""
+    made, doors = _with_doors(home, int(home.rng.integers(2, 5)))
+    home.enter(made.farthest)
+    table = some_table(home, TABLES)
+    steps = [step("Translation-LocationChange", to=place("near", table))]
+    return task_of(home, "to_a_room_behind_doors", steps, goals.in_room(made.farthest), [], _opened(doors))

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
+from planlang.geometry import Pose
 from sim.truth import at_rest_on, held_by
 from tests.support.scenarios import Watched, tilt
 
@@ -79,6 +80,19 @@ def shut(*leaves: str) -> Goal:
         for leaf in leaves:
             if opened(watched, leaf) > SHUT_SHARE:
                 yield f"{leaf} is open by {opened(watched, leaf):.0%}"
+
+    return goal
+
+
+def in_room(room: str) -> Goal:
+    """Return the goal that the base of the robot stands in a room."""
+
+    def goal(watched: Watched) -> Iterator[str]:
+        x, y, _ = watched.world.configuration().base
+        here = watched.world.scene.body(room)
+        local = np.array((here.pose.inverse() @ Pose((x, y, here.pose.position[2]))).position)
+        if (np.abs(local) > np.asarray(here.size) / 2).any():
+            yield f"the robot is not in {room}"
 
     return goal
 

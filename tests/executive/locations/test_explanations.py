@@ -9,12 +9,14 @@ from functools import partial
 import numpy as np
 import pytest
 
+from executive.locations.changes import Changes
+from executive.locations.rejections import Rejections
 from planlang import perform
 from planlang.designators import Location, a_location, action, an_object
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Pose
 from sim import Body
-from tests.executive.conftest import BED, BOTTLE, CABINET, PLACE, THE_BOTTLE, MakeStage, Stage
+from tests.executive.conftest import BED, BOTTLE, CABINET, PLACE, THE_BOTTLE, MakeStage, Stage, hold_bottle
 
 TO_GRASP = a_location(in_reach_of=THE_BOTTLE)
 TABLE = Body("table", Pose((2.0, 0.0, 0.4)), (2.4, 2.4, 0.8), type="KitchenTable")
@@ -68,6 +70,18 @@ def test_supposing_leaves_the_belief_as_it_was(make_stage: MakeStage) -> None:
     before = stage.belief.snapshot(), stage.belief.names(), stage.platform.scene.world.pose("bottle")
     assert said(stage) == first
     assert (stage.belief.snapshot(), stage.belief.names(), stage.platform.scene.world.pose("bottle")) == before
+
+
+def test_what_only_a_full_hand_reaches_is_to_be_fetched_before_what_the_hand_holds(make_stage: MakeStage) -> None:
+    stage = make_stage(CABINET, BOTTLE, replace(BOTTLE, name="can", iri=None, pose=Pose((0.0, 2.0, 0.1))))
+    hold_bottle(stage, name="can")
+    scene = stage.platform.scene
+    changes = Changes("bottle", scene, Rejections(), lambda _: False)
+    first, why = changes.by_the_robot(lambda supposed: not supposed.belief.held)
+    assert first == action("SettingAsideAnObject", object_acted_on=scene.bodies.designator("can"))
+    assert why is not None
+    assert str(why) == "only the right arm, which holds can, reaches bottle: fetch bottle before can"
+    assert changes.by_the_robot(lambda _: False) == (None, None)
 
 
 def test_a_relation_that_no_place_meets_is_named_instead_of_changes_that_are_no_use(make_stage: MakeStage) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from executive.belief.scene_collisions import BasePose
+from executive.modules.arm.reaching import FEW, FREER
 from executive.modules.platform import ITERATIONS
 from executive.motion import NoPath
 from executive.robots.arms import ArmModel
@@ -357,7 +359,27 @@ def test_hand_poses_after_one_without_a_path_are_searched_for_no_longer_in_all(
     monkeypatch.setattr(before_bottle.platform.arms, "path", path)
     with pytest.raises(ManipulationPoseUnreachable):
         do(before_bottle, reach(BEFORE, device_used=RIGHT))
-    assert ITERATIONS < sum(asked) <= 2 * ITERATIONS
+    assert ITERATIONS < sum(asked) <= 2 * ITERATIONS + len(FREER) * FEW
+
+
+def test_an_arm_without_a_path_close_to_furniture_unfolds_farther_back_and_comes_again(
+    before_bottle: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage, here, unfolded = before_bottle, before_bottle.platform.base(), list[float]()
+    plan = stage.platform.arms.path
+
+    def path(arm: ArmModel, goal: Array, *others: Any) -> Trajectory:
+        away = math.dist(stage.platform.base()[:2], here[:2])
+        if away < 0.1 and not stage.platform.arms.is_at(arm, goal):
+            raise NoPath(goal.tolist(), goal.tolist(), {})
+        unfolded.append(away)
+        return plan(arm, goal, *others)
+
+    monkeypatch.setattr(stage.platform.arms, "path", path)
+    do(stage, reach(BEFORE), OPEN, reach(AROUND), CLOSE)
+    assert held_by(stage.truth, "bottle") == "robot"
+    assert unfolded[0] == pytest.approx(max(FREER), abs=0.01)
+    assert stage.platform.base() == pytest.approx(here, abs=1e-3)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3], ids=["closed", "too narrow"])

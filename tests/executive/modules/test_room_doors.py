@@ -7,14 +7,33 @@ from pathlib import Path
 
 import pytest
 
-from planlang import SimulationHost, perform, run
+from planlang import Recovery, SimulationHost, open_what_is_in_the_way, perform, run, with_failure_handling
 from planlang.designators import Condition, a_location, action
-from planlang.failures import BehindClosedDoor, NavigationPoseUnreachable
+from planlang.failures import BehindClosedDoor, HandleNotReachable, NavigationPoseUnreachable
 from tests.support.extras import skip_without_pr2
 from tests.support.leaves import Room
 from tests.support.room_doors import HERE, THERE, RoomDoor, flat
 
 OPEN, CLOSE = "OpeningADoor", "ClosingADoor"
+
+
+def table(x: float) -> str:
+    """A table in a row of rooms, as a map states it."""
+    facts = f'Facts: knowrob:translation "{x} 0 0.37", knowrob:boundingBoxSize "0.7 1.2 0.74"'
+    return f"Individual: table\n    Types: knowrob:KitchenTable\n    {facts}\n"
+
+
+def drive_to_the_table(stage: Room) -> None:
+    """Drive near the table, through doors that are opened on the way."""
+    what = stage.designator("table")
+
+    async def go() -> None:
+        await perform(action("Translation-LocationChange", to_location=a_location(near=what)))
+
+    async def plan() -> None:
+        await with_failure_handling(go, Recovery(BehindClosedDoor, open_what_is_in_the_way(what)))
+
+    run(plan, host=SimulationHost(stage.truth), executive=stage.executive, max_steps=30_000)
 
 
 def drive(stage: Room, pose: tuple[float, float, float]) -> None:
@@ -38,14 +57,12 @@ def test_a_closed_door_is_a_wall_for_the_base_and_the_camera(stack: ExitStack, t
 
 
 def test_what_a_shut_door_keeps_the_base_from_is_behind_it(stack: ExitStack, tmp_path: Path) -> None:
-    facts = 'Facts: knowrob:translation "3.5 0 0.37", knowrob:boundingBoxSize "0.7 1.2 0.74"'
-    table = f"Individual: table\n    Types: knowrob:KitchenTable\n    {facts}\n"
-    stage = flat(stack, RoomDoor(more=table), tmp_path)
+    stage = flat(stack, RoomDoor(more=table(3.5)), tmp_path)
     near = a_location(near=stage.designator("table"))
     with pytest.raises(BehindClosedDoor, match="table is behind door, which is closed") as shut:
         next(stage.platform.resolver.bases(near))
     assert shut.value.door == stage.designator("door")
-    wide = flat(stack, RoomDoor(more=table, facts=("knowrob:jointPosition 1.57",)), tmp_path)
+    wide = flat(stack, RoomDoor(more=table(3.5), facts=("knowrob:jointPosition 1.57",)), tmp_path)
     assert next(wide.platform.resolver.bases(a_location(near=wide.designator("table")))).base[0] > 0.0
 
 
@@ -69,3 +86,53 @@ def test_a_door_is_opened_from_one_side_and_closed_from_the_other(
     assert stage.executive.holds(Condition("closed", (stage.designator("door"),)))
     assert stage.truth.joint("door") < 0.05
     assert stage.truth.contacts() == ()
+
+
+def test_all_closed_doors_of_a_row_of_rooms_are_named_and_opened_in_their_order(
+    stack: ExitStack, tmp_path: Path
+) -> None:
+    stage = flat(stack, RoomDoor(more=table(7.6) + RoomDoor().next_room()), tmp_path)
+    with pytest.raises(BehindClosedDoor, match="table is behind door and door_2, which are closed") as shut:
+        next(stage.platform.resolver.bases(a_location(near=stage.designator("table"))))
+    assert (shut.value.door, shut.value.further) == (stage.designator("door"), (stage.designator("door_2"),))
+    drive_to_the_table(stage)
+    assert stage.truth.configuration().base[0] > 4.2
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("handles", "match"),
+    [((), "door_2 has no handle"), ((1.0,), "the handle of door_2 is out of reach")],
+)
+def test_what_keeps_a_door_on_the_way_closed_is_said(
+    stack: ExitStack, tmp_path: Path, handles: tuple[float, ...], match: str
+) -> None:
+    stage = flat(stack, RoomDoor(more=table(7.6) + RoomDoor(handles=handles).next_room()), tmp_path)
+    with pytest.raises(HandleNotReachable, match=match):
+        drive_to_the_table(stage)
+    assert stage.truth.joint("door") > 0.9 * 1.57
+    assert stage.truth.joint("door_2") == 0.0
+
+
+def test_a_handle_behind_a_closed_door_is_reached_once_that_is_open(stack: ExitStack, tmp_path: Path) -> None:
+    stage = flat(stack, RoomDoor(more=RoomDoor().next_room()), tmp_path)
+    with pytest.raises(BehindClosedDoor, match="door_2 is behind door, which is closed"):
+        stage.do(OPEN, "door_2")
+
+
+def test_a_door_that_stands_half_open_is_opened_further(stack: ExitStack, tmp_path: Path) -> None:
+    stage = flat(stack, RoomDoor(more=table(3.5), facts=("knowrob:jointPosition 0.8",)), tmp_path)
+    wider = "door stands half-open: opening it further would make 0.87 m instead of 0.26 m"
+    with pytest.raises(BehindClosedDoor, match=wider):
+        next(stage.platform.resolver.bases(a_location(near=stage.designator("table"))))
+    narrow = "door stands half-open and leaves 0.26 m; the robot needs 0.71 m; opening it further would make 0.87 m"
+    with pytest.raises(NavigationPoseUnreachable, match=narrow):
+        drive(stage, THERE)
+    drive_to_the_table(stage)
+    assert stage.truth.configuration().base[0] > 0.5
+    assert stage.truth.joint("door") > 0.9 * 1.57
+
+
+def test_the_door_that_closes_the_way_to_a_fixed_pose_is_named(stack: ExitStack, tmp_path: Path) -> None:
+    with pytest.raises(NavigationPoseUnreachable, match="door in doorway is closed"):
+        drive(flat(stack, RoomDoor(), tmp_path), THERE)

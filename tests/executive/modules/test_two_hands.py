@@ -132,7 +132,7 @@ def test_what_two_hands_hold_is_set_aside_by_both(stage_of: MakeStage) -> None:
 
 def test_one_hand_alone_is_not_sent_to_what_takes_two(stage_of: MakeStage) -> None:
     stage = stage_of(TABLE, TRAY)
-    with pytest.raises(HandsLacking, match="tray takes 2 hands, and was asked of one alone"):
+    with pytest.raises(HandsLacking, match="tray takes 2 hands, 2 of 2 are free, but one was asked alone"):
         next(stage.resolver.bases(a_location(in_reach_of=THE_TRAY)))
 
 
@@ -159,8 +159,8 @@ def test_the_tray_falls_with_what_is_on_it_when_one_hand_opens(stage_of: MakeSta
 def test_too_few_hands_are_refused_with_both_numbers(stage_of: MakeStage, number: int) -> None:
     stage = stage_of(TABLE, replace(TRAY, hands=3 - number), replace(CUP, mass=4.0 * number))
     failure, said = (
-        (HandsLacking, "takes 3 hands, 2 are there for it"),
-        (TooHeavy, "weighs 4.8 kg with the 4 kg in it or on it, both hands carry 3.6 kg"),
+        (HandsLacking, "takes 3 hands, the robot has 2"),
+        (TooHeavy, "weighs 4.8 kg with the 4 kg in it or on it, both hands carry 3.6 kg: 1.2 kg too much"),
     )[number]
     with pytest.raises(failure, match=said):
         taken(stage)

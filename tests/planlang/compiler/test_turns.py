@@ -16,6 +16,7 @@ from planlang.failures import LocationUnresolvable
 from planlang.language.loading import load_plan
 from planlang.protocols import Solution
 from planlang.runs import with_paths
+from planlang.testing import PlanRun, Script, explore, run_plan
 
 SCHEDULES = (None, *range(40))
 
@@ -242,6 +243,54 @@ def test_grippers_of_different_sides_are_different_roles(compiled: Callable[...,
 )
 def test_nothing_is_held_without_need(compiled: Callable[..., CompiledPlan], parts: tuple[str, ...]) -> None:
     assert "using" not in compiled(*parts).source
+
+
+def transport(thing: str, cls: str = "TransportingAnObject") -> str:
+    return (
+        f"Individual: {thing}\n    Types: k:Cup\n"
+        f"Class: Bring{thing.title()}\n    SubClassOf: k:{cls}, k:objectActedOn value {thing},"
+        " k:toLocation value table\n"
+    )
+
+
+TABLE = "Individual: table\n    Types: k:KitchenTable\n"
+
+
+def test_unordered_transports_let_each_other_go_first_once_a_thing_is_in_the_hand(
+    compiled: Callable[..., CompiledPlan],
+) -> None:
+    plan = compiled(unordered("BringRed", "BringBlue"), TABLE, transport("red"), transport("blue"))
+    assert plan.source.count('async with using("base", "torso", "arm", "gripper", "head", in_turns=True):') == 2
+    assert plan.source.count("await give_turn()") == 2, "between fetching and bringing, and before stepping back"
+    serve = imported(plan)
+
+    def check(done: PlanRun[Any]) -> None:
+        assert done.failure is None
+        assert done.belief.at == {"red": "table", "blue": "table"}
+        assert done.belief.holding == []
+
+    explore(serve, schedules=60, check=check)
+    order = [one.name for one in run_plan(serve).steps() if one.name in ("PickItUp", "PutItDown")]
+    assert order == ["PickItUp", "PickItUp", "PutItDown", "PutItDown"]
+    one_hand = run_plan(serve, script=Script().holding("something"))
+    order = [one.name for one in one_hand.steps() if one.name in ("PickItUp", "PutItDown")]
+    assert order == ["PickItUp", "PutItDown", "PickItUp", "PutItDown"]
+
+
+def test_ordered_transports_and_steps_that_work_at_a_place_take_no_turns(compiled: Callable[..., CompiledPlan]) -> None:
+    order = (
+        "Individual: first\n    Types: k:PartialOrdering-Strict\n"
+        "    Facts: k:occursBeforeInOrdering BringRed, k:occursAfterInOrdering BringBlue\n"
+    )
+    both = unordered("BringRed", "BringBlue").rstrip() + ", k:orderingConstraints value first\n"
+    assert "turn" not in compiled(both, order, TABLE, transport("red"), transport("blue")).source
+    pick = "PickingUpAnObject"
+    assert (
+        "turn"
+        not in compiled(
+            unordered("BringRed", "BringBlue"), TABLE, transport("red", pick), transport("blue", pick)
+        ).source
+    )
 
 
 def test_a_plan_with_turns_is_formatted_and_typed(compiled: Callable[..., CompiledPlan], tmp_path: Path) -> None:

@@ -126,6 +126,19 @@ def test_while_something_is_held_the_failure_is_object_undeliverable(executive: 
         go(partial(at_location, NEAR_CUP, body), executive)
 
 
+@pytest.mark.parametrize(("in_hand", "failure"), [(False, ObjectUnreachable), (True, ObjectUndeliverable)])
+def test_what_is_yet_to_be_grasped_is_unreachable_whatever_else_is_held(
+    executive: Any, in_hand: bool, failure: type[Exception]
+) -> None:
+    executive.holding, executive.facts[str(holding(CUP))] = ["bottle1"], in_hand
+
+    async def body() -> None:
+        raise ManipulationPoseUnreachable
+
+    with failing(failure, what="bottle1" if in_hand else "cup1"):
+        go(partial(at_location, NEAR_CUP, body, reaching=(a_location(in_center_of=CUP),)), executive)
+
+
 def test_where_no_hand_is_free_the_failure_says_what_cannot_be_reached_with_full_hands(executive: Any) -> None:
     executive.holding = ["bottle1"]
 

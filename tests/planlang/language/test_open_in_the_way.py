@@ -53,6 +53,17 @@ def test_the_door_is_opened_and_the_body_runs_again() -> None:
     assert run.belief.holding == ["cup1"]
 
 
+def test_all_doors_on_the_way_are_opened_one_after_the_other() -> None:
+    further = an_object("Door", "http://example.org/#door2")
+    failure = ObjectUnreachable(what="cup1")
+    failure.__cause__ = BehindClosedDoor(what="cup1", door=DOOR, further=(further,))
+    assert str(failure.__cause__).endswith("cup1 is behind door1 and door2, which are closed")
+    run = run_plan(fetching(failure))
+    assert run.belief.holds(Condition("open", (DOOR,)))
+    assert run.belief.holds(Condition("open", (further,)))
+    assert run.attempts("OpeningAContainerArtifact") == 2
+
+
 def test_what_is_out_of_reach_for_another_reason_stays_so() -> None:
     run = run_plan(fetching(ObjectUnreachable(what="cup1")))
     assert isinstance(run.failure, ObjectUnreachable)
