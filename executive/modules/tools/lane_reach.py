@@ -113,7 +113,7 @@ class LaneReach:
 
     def reached(self, bases: Array, lane: Array) -> Mask:
         """Mark the waypoints of a lane (k, 2) in the map that are reached from any of bases (b, 3)."""
-        valid, marked = (self.ease >= 0.0).any(axis=0), np.zeros(len(lane), bool)
+        valid, marked = np.asarray((self.ease >= 0.0).any(axis=0)), np.zeros(len(lane), bool)
         for some in (bases[k : k + AT_ONCE] for k in range(0, len(bases), AT_ONCE)):
             i, j, inside = self._cells(some, lane)
             marked |= (valid[i, j] & inside).any(axis=0)
@@ -269,7 +269,7 @@ class _Table:
         Each begins at a place that those before it do not reach, near where the arm reaches well.
         """
         seeds, open_ = self.arm.seeds[:SEEDS], np.zeros((HEADINGS, self.count, self.count), bool)
-        places = self.corner + CELL * np.stack(np.indices(open_.shape[1:]), axis=-1)
+        places = self.corner + CELL * np.moveaxis(np.indices(open_.shape[1:]), 0, -1)
         open_[:: HEADINGS // 4] = np.linalg.norm(places - self.arm.shoulder_low[:2], axis=-1) <= self.arm.reach
         for _ in range(BRANCHES):
             entries = np.argwhere(open_)

@@ -147,12 +147,12 @@ class StrokeWork(ConstrainedWork):
                 await self._look(grounding)
 
         async def solved(_: BasePose) -> Planned:
-            return await self.planned(grounding, plane, points, closed=closed)
+            return await self.planned_stroke(grounding, plane, points, closed=closed)
 
         failures = (ConstraintsUnsatisfied, NavigationFailure)
         return await self.begin_stroke(await Skill(places, solved, approach, failures=failures).run())
 
-    async def planned(
+    async def planned_stroke(
         self, grounding: Grounding, plane: Plane, points: Array, guess: Array | None = None, *, closed: bool
     ) -> Planned:
         """Plan a stroke through waypoints (n, 4) from here, with joint positions (n, d) as a guess, if there is one.

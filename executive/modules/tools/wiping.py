@@ -280,7 +280,7 @@ class Wiping(StrokeWork):
                 ways.append((-len(run), away, run, lane.places[run.first : run.last + 1][::step], guess))
         for _, _, run, places, guess in sorted(ways, key=lambda way: way[:2])[:WAYS]:
             try:
-                stroke = self.planned(grounding, plane, lifted(places), guess, closed=False)
+                stroke = self.planned_stroke(grounding, plane, lifted(places), guess, closed=False)
                 return run, await stroke
             except ConstraintsUnsatisfied as failure:
                 problem = problem or failure
