@@ -13,7 +13,9 @@ from planlang.records import dataclass
 
 TRANSLATION, POSITION, ABSENT = "translation", "jointPosition", "absent"
 """Properties of things that a change may state."""
-LENGTHS = {TRANSLATION: 3, "start": 3}
+START = "start"
+"""Option that a change may state."""
+LENGTHS = {TRANSLATION: 3, START: 3}
 """Property or option -> how many numbers its value has."""
 Value = float | bool | tuple[float, ...]
 
@@ -45,7 +47,7 @@ class Change:
             case {"thing": str(thing), "property": "translation" | "jointPosition" | "absent" as what, "value": value}:
                 return Change(what, _value(what, value), thing)
             case {"option": "start", "value": value}:
-                return Change("start", _value("start", value))
+                return Change(START, _value(START, value))
         raise ValueError(f"{json!r} is no change of a map or an option")
 
 

@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 
+from executive.ahead.spent import Spent
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution
 from executive.locations.standing import AWAY
 from executive.motion.base_path import poses_along
 from executive.robots import CARRYING
-from planlang.failures import LocationUnresolvable
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from planlang.state import Hold, WorldState
 
-T = TypeVar("T")
-
-MOST_QUESTIONS = 6
-"""Candidates of one decision about which it is asked whether the base gets away; more differ little."""
 FAR_ENOUGH = 0.35
 """Length of a straight way out [m]: the hand is then no longer over the drawer beside which the base stands."""
 STRIDE = 0.05
@@ -32,49 +26,21 @@ NEAR = 0.8
 """Distance from an open door or drawer within which it may close the base's way [m]."""
 
 
-def leaving_first(candidates: Iterable[T], leaves: Callable[[T], bool]) -> Iterator[T]:
-    """Yield candidates in their order, but those from which the base does not get away last.
-
-    ``leaves`` is asked until :data:`MOST_QUESTIONS` were put off. A failure that ends the candidates is raised after
-    those that were put off.
-    """
-    put_off, ended = list[T](), list[LocationUnresolvable]()
-    for candidate in _until_failure(candidates, ended):
-        if len(put_off) == MOST_QUESTIONS or leaves(candidate):
-            yield candidate
-            continue
-        put_off.append(candidate)
-        if len(put_off) == MOST_QUESTIONS:
-            yield from put_off
-    if len(put_off) < MOST_QUESTIONS:
-        yield from put_off
-    if ended:
-        raise ended[0]
-
-
-def _until_failure(candidates: Iterable[T], ended: list[LocationUnresolvable]) -> Iterator[T]:
-    """Yield candidates up to the failure that ends them, which is noted."""
-    try:
-        yield from candidates
-    except LocationUnresolvable as problem:
-        ended.append(problem)
-
-
-def gets_away(scene: PlanningScene, state: WorldState) -> bool:
+def gets_away(scene: PlanningScene, state: WorldState, spent: Spent) -> bool:
     """Check whether the base can drive straight out of where it stands in a state, in one of a few directions.
 
     True also if no open door or drawer is near. What the robot touches at the start does not count: where a hand
-    cannot be parked, the base backs off before.
+    cannot be parked, the base backs off before. ``spent`` counts the checks.
     """
     then = scene.supposing(state)
     base = then.base()
     if scene.robot.base.fixed or not any(_is_open_near(leaf, base, then) for leaf in then.belief.joints):
         return True
-    touched = _pairs(then, base)
+    touched = _pairs(then, base, spent)
     x, y, yaw = base
     for turn in AWAY:
         out = x + FAR_ENOUGH * math.cos(yaw + turn), y + FAR_ENOUGH * math.sin(yaw + turn), yaw
-        if all(_pairs(then, pose) <= touched for pose in poses_along(np.array([base, out]), STRIDE)):
+        if all(_pairs(then, pose, spent) <= touched for pose in poses_along(np.array([base, out]), STRIDE)):
             return True
     return False
 
@@ -84,7 +50,8 @@ def _is_open_near(leaf: str, base: BasePose, scene: PlanningScene) -> bool:
     return scene.belief.is_left_open(leaf) and block.away(np.array([*base[:2], block.centre[2]])) < NEAR
 
 
-def _pairs(scene: PlanningScene, base: BasePose) -> set[tuple[str, str]]:
+def _pairs(scene: PlanningScene, base: BasePose, spent: Spent) -> set[tuple[str, str]]:
+    spent.checks += 1
     return {(contact.part, contact.body) for contact in scene.collisions.contacts(base)}
 
 

@@ -13,6 +13,7 @@ from executive.belief.floor import CELL
 from executive.maps.semantic_map import OPENINGS
 from executive.motion import Boxes, Grid, clearance_at, clearance_field
 from executive.motion.base_path import cheapest_ways
+from executive.motion.passages import WIDTHS, narrowest_doorway
 from planlang.geometry import Array
 from planlang.geometry.areas import Block
 from planlang.geometry.shapes import corners
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 
 SLIM = ((0.1, 1.0, 0.1),)
 """Silhouette of something slim that passes wherever a robot may."""
-HEADINGS = 36
-"""Directions in half a turn in which the robot's width is measured."""
 AVOIDED = 1000.0
 """Cost of a metre within a doorway that is too narrow, in metres elsewhere."""
 AS_FAR_AS_IT_GOES = 0.97
@@ -103,14 +102,9 @@ def _inside(block: Block, points: Array) -> NDArray[np.bool_]:
 
 
 def needed_width(scene: PlanningScene) -> float:
-    """Compute the width of a doorway through which the robot drives as it does, in its best heading [m].
-
-    A cell of the grid on which ways are searched is added, and the centimetre is full.
-    """
-    corners = np.concatenate([one.corners for one in scene.collisions.travelled().outlines])
-    turns = np.arange(HEADINGS) * (math.pi / HEADINGS)
-    width = float(np.ptp(corners @ np.stack([np.cos(turns), np.sin(turns)]), axis=0).min())
-    return math.ceil(round(100 * (width + CELL), 6)) / 100
+    """Compute the width of a doorway through which the robot drives as it does, wherever it is in the map [m]."""
+    floor = scene.collisions.travelled()
+    return narrowest_doorway(floor.silhouette, floor.outlines) or WIDTHS[-1]
 
 
 def _doorways(scene: PlanningScene) -> list[tuple[str, Block, float, Articulation | None]]:

@@ -16,9 +16,8 @@ import numpy as np
 
 from executive.locations.holding import Holding, holdings, trial_things
 from executive.locations.reachability import CELL, GraspClass, ReachabilityMap
-from executive.motion import Boxes, Grid
-from executive.motion.floods import drivable, free_poses
-from executive.motion.outlines import Outline, outlines
+from executive.motion.outlines import outlines
+from executive.motion.passages import narrowest_doorway
 from executive.robots import Arm, Robot
 from executive.robots.arms import ArmModel, arm_models, called
 from executive.robots.mechanism import BASE, Mechanism, is_still
@@ -41,14 +40,6 @@ SELDOM, OFTEN = 0.01, 0.5
 """Shares of them above which it is worth naming the link in the way, and a warning."""
 MOSTLY = 0.8
 """Share of an arm's reach over the base that is worth a warning."""
-DOORS = tuple(round(0.4 + 0.05 * step, 2) for step in range(33))
-"""Widths of doorways that are tried [m]."""
-DOOR_HEIGHT, WALL = 2.0, 0.1
-"""Height of these doorways, and thickness of their wall [m]."""
-BEYOND, BESIDE = 0.2, 0.3
-"""Distances that a robot drives from the wall, beyond its own radius, and at most from the middle of a doorway [m]."""
-OFF_GRID = 0.025
-"""Offset of a doorway from the grid of poses: the worst one [m]."""
 WIDEST = 0.3
 """Greatest plausible opening of a hand [m]."""
 LONGEST = 0.4
@@ -114,7 +105,7 @@ class ArmReach:
 
 @dataclass(frozen=True, slots=True)
 class Doorways:
-    """Widths of the narrowest doorways through which a robot drives in its carrying posture [m]; None: over 2 m."""
+    """Widths of the narrowest doorways through which a robot drives in its carrying posture [m]; None: over 3 m."""
 
     empty: float | None
     with_mug: float | None
@@ -124,10 +115,10 @@ class Doorways:
 
     def __str__(self) -> str:
         """Say it: "0.75 m wide, with a mug in the left hand 0.8 m"."""
-        said = "over 2 m" if self.empty is None else f"{self.empty:g} m wide"
+        said = "over 3 m" if self.empty is None else f"{self.empty:g} m wide"
         if self.held_by is None:
             return said
-        return f"{said}, with a mug in the hand {'over 2 m' if self.with_mug is None else f'{self.with_mug:g} m'}"
+        return f"{said}, with a mug in the hand {'over 3 m' if self.with_mug is None else f'{self.with_mug:g} m'}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,29 +247,14 @@ def _other_arm(robot: Robot, arm: ArmModel, pair: Sequence[str], world: Planning
 def _doorways(robot: Robot, world: PlanningWorld) -> Doorways:
     """Drive through doorways in the present posture, with empty hands and with a mug in the first hand."""
     arm = next((arm for arm in robot.arms if arm.gripper is not None), None)
-    empty = _narrowest(world, outlines(world.outlines()))
+    empty = narrowest_doorway(world.silhouette(), outlines(world.outlines()))
     if arm is None:
         return Doorways(empty, None, None)
     offset = world.link_pose(arm.hand_link).inverse() @ Pose(world.link_pose(arm.tip).position)
     with_mug = world.world_state(robot.name).gripped(_MUG.name, Hold(arm.name, arm.hand_link, offset))
     world = WorldMirror(world, robot.name).at(with_mug)
-    return Doorways(empty, _narrowest(world, outlines(world.outlines())), arm.name)
-
-
-def _narrowest(world: PlanningWorld, shapes: tuple[Outline, ...]) -> float | None:
-    """Find the narrowest doorway through which a robot drives, by the flood with which plans look for ways [m]."""
-    silhouette = world.silhouette()
-    away = BEYOND + max((radius for _, _, radius in silhouette), default=0.0)
-    grid = Grid.over((-away, -BESIDE), (away, BESIDE))
-    start, goal = (grid.resolution - away, 0.0, 0.0), np.array([[away - grid.resolution, 0.0, 0.0]])
-    for width in DOORS:
-        middles = [(0.0, OFF_GRID + sign * (width / 2 + away), DOOR_HEIGHT / 2) for sign in (1, -1)]
-        lintel, above = (0.0, OFF_GRID, 1.5 * DOOR_HEIGHT), (WALL, width, DOOR_HEIGHT)
-        walls = Boxes.around(map(Pose, (*middles, lintel)), [*[(WALL, 2 * away, DOOR_HEIGHT)] * 2, above])
-        free = free_poses(grid, walls, silhouette, shapes)
-        if drivable(start, grid, free)(goal)[0]:
-            return width
-    return None
+    with_it = narrowest_doorway(world.silhouette(), outlines(world.outlines()))
+    return Doorways(empty, with_it, arm.name)
 
 
 # Warnings

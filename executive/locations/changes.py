@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 
@@ -17,7 +17,7 @@ from executive.locations.reachability import CELL
 from executive.locations.rejections import Rejections
 from executive.motion import clearance_at
 from executive.robots.arms import called
-from planlang.advice import ABSENT, POSITION, TRANSLATION, Advice, Change
+from planlang.advice import ABSENT, POSITION, START, TRANSLATION, Advice, Change
 from planlang.designators import Action, action
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Block
@@ -41,6 +41,8 @@ TOWARDS = 0.7
 GRAZING = 5e-3
 """Height by which a displaced thing may overlap others [m]: it stands on one of them."""
 
+STARTS, MOST_STARTS = (0.45, 0.6, 0.75), 5
+"""Distances from a thing at which a robot that does not drive is started for trial [m], and number of trials."""
 AROUND = 1.5
 """Distance from the thing within which open doors and drawers are closed, or opened further, for trial [m]."""
 MOST_LEAVES = 2
@@ -70,8 +72,13 @@ def with_supports(names: Iterable[str], bodies: BelievedBodies) -> set[str]:
 def with_changes(belief: Belief, changes: Iterable[Change]) -> WorldState:
     """Make the state of a belief with changes of the map, of which at most one moves a leaf."""
     changes = tuple(changes)
+    start = next((one.value for one in changes if one.what == START), None)
     leaf = next((one for one in changes if one.what == POSITION), None)
     state = belief.state if leaf is None else belief.with_leaf(str(leaf.thing), _opening(belief, leaf))
+    if isinstance(start, tuple):
+        x, y, yaw = start
+        configuration = replace(state.robots[belief.robot], base=(x, y, yaw))
+        state = state.with_robot(belief.robot, configuration)
     poses: dict[str, Pose | None] = {}
     for change in changes:
         name = str(change.thing)
@@ -121,13 +128,16 @@ class Changes:
         self._left, self._in_vain = MOST_SEARCHES, list[str]()
 
     def helping(self) -> Advice | None:
-        """Find a change that helps: another robot away, the thing at an edge, without a body, or let down."""
-        return self._once_left() or self.nearer() or self._without() or self._let_down()
+        """Find a change that helps: another start of what does not drive, another robot away, the thing at an edge,
+        without a body, or let down.
+        """
+        return self._started() or self._once_left() or self.nearer() or self._without() or self._let_down()
 
-    def by_the_robot(self, once_moved: IsFeasible) -> tuple[Action | None, Advice | None]:
+    def by_the_robot(self, once_moved: IsFeasible, *, grasps: bool = False) -> tuple[Action | None, Advice | None]:
         """Find an action of the robot that helps, and its advice; None and None if there is none.
 
-        It closes what is open near the thing, opens it further, or puts down what the hand holds that would reach it.
+        It closes what is open near the thing, opens it further, or puts down what the hand holds that would reach it:
+        that only if the hand ``grasps`` the thing.
         """
         for joint, value in self._leaves_near():
             name, now = joint.leaf, self.scene.belief.joint(joint.leaf)
@@ -141,15 +151,16 @@ class Changes:
                 opening = action(OPEN, object_acted_on=what, all_the_way=True)
                 wide = f"{_measure(joint, value)} instead of {_measure(joint, now)}"
                 return opening, Advice(f"with {name} open by {wide}, {self.body} could be reached", moved)
-        return self._with_an_empty_hand(once_moved)
+        return self._with_an_empty_hand(once_moved) if grasps else (None, None)
 
     def _with_an_empty_hand(self, once_moved: IsFeasible) -> tuple[Action | None, Advice | None]:
         """Find a held thing that has to be put down because only the hand that holds it reaches the other thing."""
         state = self.scene.belief.state
-        for name, grip in state.held.items() if self.body not in state.held else ():
+        for name, grip in state.held.items():
             others = {other: one for other, one in state.held.items() if other != name}
             gone = replace(state.placed({name: None}), held=others)
-            if len(grip.arms) == 1 and once_moved(self.scene.supposing(gone)):
+            is_other = name not in self._needed and len(grip.arms) == 1
+            if is_other and once_moved(self.scene.supposing(gone)):
                 down = action(SET_ASIDE, object_acted_on=self.scene.bodies.designator(name))
                 only = f"only {called(grip.arm)}, which holds {name}, reaches {self.body}"
                 return down, Advice(f"{only}: fetch {self.body} before {name}", ())
@@ -169,6 +180,28 @@ class Changes:
                 yield joint, joint.upper
             yield joint, 0.0
 
+    def _started(self) -> Advice | None:
+        """Find from where a robot that does not drive would reach the thing, facing it; None if it drives."""
+        if not self.scene.robot.base.fixed:
+            return None
+        x, y, _ = self.scene.bodies.pose(self.body).position
+        own_x, own_y, _ = self.scene.base()
+        first = math.atan2(own_y - y, own_x - x)
+        turns = [first + step * math.pi / 4 for step in (0, 1, -1, 2, -2, 3, -3, 4)]
+        bases = [
+            (round(x + away * math.cos(turn), 2), round(y + away * math.sin(turn), 2), round(turn - math.pi, 2))
+            for turn in turns
+            for away in STARTS
+        ]
+        holds = self.scene.collisions.floor().holds(np.array(bases))
+        for base in islice((base for base, fits in zip(bases, holds, strict=True) if fits), MOST_STARTS):
+            change = (Change(START, base),)
+            at = f"started at x = {base[0]:.2f}, y = {base[1]:.2f}"
+            if self._helps(change):
+                return Advice(f"{at}, yaw = {base[2]:.2f}, the robot could reach {self.body}", change)
+            self._in_vain.append(at)
+        return None
+
     def _once_left(self) -> Advice | None:
         """Name what drives by itself, if that is in the way where it is now."""
         for name in self.scene.movers():
@@ -186,21 +219,38 @@ class Changes:
         support = bodies.support(self.body)
         if support is None or not self._is_movable or bodies.is_room(support):
             return None
-        ways = ((side, steps) for side, steps in self._ways_to_edges(support) if steps)
-        chosen = ((side, steps) for side, steps in ways if towards is None or float(towards @ side) >= TOWARDS)
-        for side, steps in islice(chosen, MOST_EDGES):
-            farthest = self._moved(side, steps[-1])
-            if not self._helps(self._at(farthest)):
-                self._in_vain.append("{} at x = {:.2f}, y = {:.2f}".format(self.body, *farthest.position))
-                continue
-            # the last step helps: bisect for the first that does
-            first = bisect_left(steps, True, key=lambda step: self._helps(self._at(self._moved(side, step))))
-            step = steps[min(first, len(steps) - 1)]
-            pose = self._moved(side, step)
-            x, y, _ = pose.position
-            said = f"moved {step:.2f} m, to x = {x:.2f}, y = {y:.2f}, {self.body} could be reached"
-            return Advice(said, self._at(pose))
+        ways = (way for way in self._ways_to_edges(support) if towards is None or float(towards @ way[0]) >= TOWARDS)
+        each = ((side, self._free_of(side, steps), self._before(side, steps)) for side, steps in ways if steps)
+        for side, steps, others in islice((way for way in each if way[1] or way[2]), MOST_EDGES):
+            if steps and self._helps(self._at(self._moved(side, steps[-1]))):
+                # the last step helps: bisect for the first that does
+                first = bisect_left(steps, True, key=lambda step: self._helps(self._at(self._moved(side, step))))
+                return self._advised(side, steps[min(first, len(steps) - 1)])
+            if steps:
+                self._in_vain.append(self._stands(side, steps[-1]))
+            if others and (advice := self._past(side, *others)) is not None:
+                return advice
         return None
+
+    def _past(self, side: Array, farthest: float, others: Sequence[str]) -> Advice | None:
+        """Find out whether the thing is reached without what stands between it and an edge, where it is or there."""
+        gone = tuple(Change(ABSENT, True, name) for name in others)
+        named = f"without {' and '.join(others)}"
+        if self._helps(gone):
+            return Advice(f"{named} this would work", gone)
+        if self._helps((*gone, *self._at(self._moved(side, farthest)))):
+            return self._advised(side, farthest, f"{named}, and ", gone)
+        self._in_vain.append(f"{named} {self._stands(side, farthest)}")
+        return None
+
+    def _advised(self, side: Array, step: float, also: str = "", gone: tuple[Change, ...] = ()) -> Advice:
+        pose = self._moved(side, step)
+        x, y, _ = pose.position
+        said = f"{also}moved {step:.2f} m, to x = {x:.2f}, y = {y:.2f}, {self.body} could be reached"
+        return Advice(said, (*gone, *self._at(pose)))
+
+    def _stands(self, side: Array, step: float) -> str:
+        return "{} at x = {:.2f}, y = {:.2f}".format(self.body, *self._moved(side, step).position)
 
     def none_found(self) -> str:
         """Say that no change was found that helps, and what was tried; "" if nothing was."""
@@ -209,7 +259,7 @@ class Changes:
         )
 
     def _ways_to_edges(self, support: str) -> Iterator[tuple[Array, list[float]]]:
-        """Yield directions (2,) to edges at which the base can stand, the nearest first, with free steps [m]."""
+        """Yield directions (2,) to edges at which the base can stand, the nearest first, with steps up to there [m]."""
         thing, block = self.scene.bodies.block(self.body), self.scene.bodies.block(support)
         floor, ways = self.scene.collisions.floor(), list[tuple[float, Array, float]]()
         for quarter in range(4):
@@ -220,8 +270,25 @@ class Changes:
             if floor.fits(before).any():
                 ways.append((room, side, room - thing.support(heading) - FROM_EDGE))
         for _, side, most in sorted(ways, key=lambda way: way[0]):
-            steps = [*np.arange(STEP, most, STEP).tolist(), math.floor(100 * most) / 100] if most > 0 else []
-            yield side, [step for step in steps if self._is_free(thing, side, step)]
+            yield side, [*np.arange(STEP, most, STEP).tolist(), math.floor(100 * most) / 100] if most > 0 else []
+
+    def _free_of(self, side: Array, steps: Iterable[float]) -> list[float]:
+        """Select the steps to a side after which the thing overlaps nothing, as far as known."""
+        thing = self.scene.bodies.block(self.body)
+        return [step for step in steps if self._is_free(thing, side, step)]
+
+    def _before(self, side: Array, steps: Sequence[float]) -> tuple[float, list[str]] | None:
+        """Find the movable bodies between the thing and the edge that the last step leads to; None if it is free."""
+        bodies, thing = self.scene.bodies, self.scene.bodies.block(self.body)
+        points = np.array([thing.x, thing.y]) + np.outer(steps, side)
+        others = []
+        for name in bodies.names():
+            block = bodies.block(name) if bodies.is_graspable(name) and name not in self._needed else None
+            if block is not None and name not in (self.body, *self._along) and block.high > thing.low + GRAZING:
+                is_near = block.distance(points).min() <= min(thing.half_x, thing.half_y)
+                others += [name] if is_near and block.low < thing.high - GRAZING else []
+        is_known = bool(others) and not self._is_free(thing, side, steps[-1])
+        return (steps[-1], others) if is_known else None
 
     def _is_free(self, thing: Block, side: Array, step: float) -> bool:
         """Check whether a thing displaced to a side overlaps nothing, besides what moves along, as far as known."""

@@ -100,6 +100,8 @@ class ThingDemand:
     """Persons whose comfort zone contains it, or (False) does not."""
     neither: tuple[tuple[str, bool], ...] = ()
     """Bodies on which, or (True) in which, it does not rest."""
+    clear: tuple[str, ...] = ()
+    """Doors and drawers in whose way it does not stand."""
 
 
 def base_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> BaseDemand:
@@ -234,7 +236,8 @@ def put_demand(reach: Reach, thing: str, scene: PlanningScene) -> ThingDemand:
     """Derive the demands of PLACE on the held object, given by name."""
     radius = max(scene.bodies.size(thing)[:2]) / 2
     besides = _besides((RELATIONS[term.name].thing(term, scene.bodies, radius), term.negated) for term in reach.also)
-    return replace(besides, inside=reach.body) if reach.inside else replace(besides, on=reach.body)
+    at = replace(besides, inside=reach.body) if reach.inside else replace(besides, on=reach.body)
+    return replace(at, clear=reach.clear)
 
 
 def _besides(demands: Iterable[tuple[Rest | InZone | Region | None, bool]]) -> ThingDemand:
@@ -271,9 +274,14 @@ def goals_of(body: str, actions: Iterable[Action], scene: PlanningScene) -> list
 
 def bodies_meant(location: Location, actions: Iterable[Action], scene: PlanningScene) -> frozenset[str]:
     """Collect the bodies that a location or enclosing actions refer to: without them neither means anything."""
+    return bodies_in(actions, scene, location)
+
+
+def bodies_in(actions: Iterable[Action], scene: PlanningScene, *others: Location) -> frozenset[str]:
+    """Collect the bodies that actions, and other locations, refer to, as far as they are known."""
     fillers = [filler for one in actions for _, filler in one.properties]
     bodies = scene.supposing(scene.belief.state).bodies  # so that nothing is bound for good
-    return frozenset(name for what in _things([location, *fillers]) if (name := bodies.known(what)) is not None)
+    return frozenset(name for what in _things([*others, *fillers]) if (name := bodies.known(what)) is not None)
 
 
 def _things(fillers: Iterable[object]) -> Iterator[Object]:
@@ -338,8 +346,9 @@ def asks_for(location: Location, kind: type[RelationType]) -> bool:
 
 
 def _by_arms(reach: Reach, location: Location, arms: RobotArms) -> Reach:
-    """Restrict a task to the arms that a location names, and to its grasp; an empty hand offers nothing."""
-    names = None if location.device is None else tuple(arm.name for arm in arms.of(location.device))
+    """Restrict a task to the arms that a location, or a step, names, and to its grasp; an empty hand offers nothing."""
+    able = arms.asked() if location.device is None else arms.of(location.device)
+    names = None if location.device is None and len(able) == len(arms.all) else tuple(arm.name for arm in able)
     if reach.kind is ReachKind.OFFER:
         names = tuple(name for name in names or () if arms.held(name) is not None) or names
     chosen = location.grasp if reach.kind in (ReachKind.GRASP, ReachKind.ABOVE) else None

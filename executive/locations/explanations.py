@@ -17,7 +17,7 @@ from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Stage, candidates_of, narrowest, narrowest_grip, unknown_fit
 from executive.locations.inverse_maps import InverseMaps
 from executive.locations.questions import Question
-from executive.locations.reachability import CELL, GraspClass
+from executive.locations.reachability import CELL, GraspClass, ReachabilityMap
 from executive.locations.rejections import (
     COLLISION,
     NO_HOLD,
@@ -30,6 +30,7 @@ from executive.locations.rejections import (
 )
 from executive.robots.arms import ArmModel, called
 from planlang.geometry import Array
+from planlang.progress import unreported
 from planlang.records import dataclass
 from planlang.relations.demands import Reach, ReachKind
 
@@ -64,6 +65,8 @@ def explain_bases(
     The ``needed`` bodies are part of the location or the plan: leaving them out helps nobody.
     """
     log = question.log
+    if wanted and scene.robot.base.fixed and not log.counts:
+        log.add(OUT_OF_REACH.text)  # of the only base pose that it has
     if not wanted or not log.counts:
         return
     explanation = _Explanation(wanted[0], arms, scene, inverse, question, needed)
@@ -84,14 +87,17 @@ def explain_bases(
         if closing := explanation.closing() if reason == NO_WAY else ():
             advice = changes.without_one_of(closing)
         else:
-            log.first, advice = changes.by_the_robot(once_moved or is_feasible)
+            grasps = wanted[0].kind is ReachKind.GRASP
+            log.first, advice = changes.by_the_robot(once_moved or is_feasible, grasps=grasps)
             advice = advice or changes.helping()
         helping = changes.none_found() if advice is None else advice.sentence
         log.changes = () if advice is None else advice.changes
     if advice is None and (instead := explanation.excluded() or explanation.no_hold()):
         measured, helping = instead, ""
     if measured or helping:
-        log.figures[reason] = "; ".join(filter(None, (measured, helping)))
+        # of a long reason the last clause is told first: what helps, else what was measured
+        told = (helping, measured) if advice is None else (measured, helping)
+        log.figures[reason] = "; ".join(filter(None, told))
 
 
 def explain_hands(reach: Reach, arm: ArmModel, scene: PlanningScene, inverse: InverseMaps, log: Rejections) -> None:
@@ -100,6 +106,34 @@ def explain_hands(reach: Reach, arm: ArmModel, scene: PlanningScene, inverse: In
         explanation = _Explanation(reach, (arm,), scene, inverse, Question(log))
         if measured := explanation.too_high() or explanation.too_far_from(scene.base()):
             log.figures[OUT_OF_REACH.text] = measured
+
+
+def height_of(name: str, scene: PlanningScene, arms: Sequence[ArmModel]) -> str:
+    """Say at which height a body is, and by how much that is too high or too low for all arms, if it is."""
+    at, inverse = scene.bodies.pose(name).position[2], InverseMaps(scene.robot.name, unreported)
+    found = ((arm.name, inverse(arm, grasp).forward) for arm in arms for grasp in CLASSES)
+    each = [(arm, *_heights(one)) for arm, one in found if len(one)]
+    said, lowest = f"{name} is at {at:.2f} m", min(each, key=lambda one: one[1], default=None)
+    highest = max(each, key=lambda one: one[2], default=None)
+    if lowest is not None and at < lowest[1] - HAIR:
+        return f"{said}, {lowest[1] - at:.2f} m too low; {called(lowest[0])} reaches down to {lowest[1]:.2f} m"
+    if highest is not None and at > highest[2] + HAIR:
+        return f"{said}, {at - highest[2]:.2f} m too high; {called(highest[0])} reaches up to {highest[2]:.2f} m"
+    return said
+
+
+def _heights(found: ReachabilityMap) -> tuple[float, float]:
+    """Compute the lowest and the highest tip that an arm reaches with a class of grasps [m]."""
+    half, rise = _slack(found.arm)
+    return CELL * (float(found.rows["z"].min()) - half), CELL * (float(found.rows["z"].max()) + half) + rise
+
+
+def _slack(arm: ArmModel) -> tuple[float, float]:
+    """Compute by how many cells of the map an arm reaches beyond it, and how far its torso lifts it [m].
+
+    A torso covers the heights between the cells of the map.
+    """
+    return (0.5, 0.0) if arm.lift is None else (0.0, float(arm.lift.rise(arm.lift.highest)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +189,8 @@ class _Explanation:
     def out_of_reach(self) -> str:
         """Return by how much the thing is too high or too low; else how near the base gets, and how far arms reach."""
         if not (said := self.too_high()):
-            return "; ".join(filter(None, (self._too_far(), self.in_collision())))
+            too_far = self.too_far_from(self.scene.base()) if self.scene.robot.base.fixed else self._too_far()
+            return "; ".join(filter(None, (too_far, self.in_collision())))
         return "; ".join(filter(None, (said, self.in_collision() if self.log.counts[COLLISION] else "")))
 
     def too_high(self) -> str:
@@ -208,20 +243,18 @@ class _Explanation:
 
     def _limit(self, arm: ArmModel, grasp: GraspClass, heights: Array) -> _Limit:
         """Compare heights (n,) of candidates with those that an arm reaches with a class of grasps."""
-        rows, low, high = self.inverse(arm, grasp).forward.rows, float(heights.min()), float(heights.max())
-        # a torso covers the heights between the cells of the map; without one the arm reaches beyond them
-        half, rise = (0.5, 0.0) if arm.lift is None else (0.0, float(arm.lift.rise(arm.lift.highest)))
-        reached = CELL * (float(rows["z"].min()) - half), CELL * (float(rows["z"].max()) + half) + rise
+        found, low, high = self.inverse(arm, grasp).forward, float(heights.min()), float(heights.max())
+        rows, (half, rise) = found.rows, _slack(arm)
         at = (rows["z"] >= (low - rise) / CELL - half) & (rows["z"] <= high / CELL + half)
         away = CELL * np.hypot(rows["x"][at], rows["y"][at], dtype=np.float64)
-        return _Limit(arm.name, grasp, (low, high), reached, float(away.max(initial=0.0)))
+        return _Limit(arm.name, grasp, (low, high), _heights(found), float(away.max(initial=0.0)))
 
     def _too_far(self) -> str:
         gap = self._gap()
         farthest = max(self.limits, key=lambda one: one.reach, default=None)
         if farthest is None or gap <= farthest.reach:
             return ""
-        return f"{self._nearest(gap)}; {called(farthest.arm)} reaches {farthest.reach:.2f} m at that height"
+        return f"{self._nearest(gap)}, and {called(farthest.arm)} reaches {farthest.reach:.2f} m at that height"
 
     def _nearest(self, gap: float) -> str:
         """State how near the centre of the base gets to that of the thing [m], inf if it has no room near it."""

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.demands import ThingDemand
+from executive.locations.leaf_ways import ways_of
 from executive.locations.rejections import Rejections, unmet
 from executive.motion import clearance_at
+from executive.motion.clearance import Boxes
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Block, Region
 from planlang.records import dataclass
@@ -53,6 +55,8 @@ UPRIGHT = Pose((0.0, 0.0, 0.0))
 """Attitude of a thing that stands."""
 ACROSS = 0.5
 """Weight of a long thing that points at what it is beside, as things lie parallel to each other."""
+IN_THE_WAY = "in the way of a door or drawer"
+"""Reason to reject a place where the object would keep one shut, or from being closed, that a later step moves."""
 MOST_CELLS = 24
 """Largest number of circles in a row that cover the outline of a long object."""
 
@@ -111,7 +115,10 @@ class Placement:
             centres = centres[~rests]
         if not len(centres):
             return centres, np.zeros(0)
-        room = self._room(upright, centres)
+        in_the_way = self._room(upright, centres, ways_of(demand, self.scene)) < FREE
+        log.refuse(IN_THE_WAY, centres[in_the_way])
+        centres = centres[~in_the_way]
+        room = self._room(upright, centres, self._others())
         crowded = room < FREE
         log.refuse("no room for the object", centres[crowded])
         for body in self._crowding(upright, centres[crowded]):
@@ -238,9 +245,12 @@ class Placement:
             places = places[_overhang(upright, places, block) <= HAIR]
         return np.column_stack([places, np.full(len(places), floor + ABOVE_SURFACE + height / 2)])
 
-    def _room(self, upright: Block, centres: Array) -> Array:
-        """Compute the clearance (m,) around the object at places (m, 3), from everything but its support."""
-        boxes, _ = self.scene.collisions.boxes_but((self.name, self.demand.on or ""))
+    def _others(self) -> Boxes:
+        """Collect the boxes of everything but the object and its support."""
+        return self.scene.collisions.boxes_but((self.name, self.demand.on or ""))[0]
+
+    def _room(self, upright: Block, centres: Array, boxes: Boxes) -> Array:
+        """Compute the clearance (m,) around the object at places (m, 3), from boxes."""
         offsets, radius = _covering(upright)
         room = np.full(len(centres), np.inf)
         for z in np.unique(centres[:, 2]):

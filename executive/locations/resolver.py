@@ -34,8 +34,9 @@ from executive.locations.explanations import explain_bases, explain_hands
 from executive.locations.hand_predicates import Stage, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base
 from executive.locations.inverse_maps import InverseMaps
+from executive.locations.leaf_ways import leaves_used
 from executive.locations.looks import Looks
-from executive.locations.placement import Placement
+from executive.locations.placement import IN_THE_WAY, Placement
 from executive.locations.questions import (
     ALL,
     EASY,
@@ -59,6 +60,7 @@ from planlang.geometry.areas import Clear, Facing, Region
 from planlang.kept import Latest
 from planlang.language.performances import by_class
 from planlang.language.performing import actions_around
+from planlang.language.remaining import remaining_actions
 from planlang.progress import Report, unreported
 from planlang.protocols import Solution
 from planlang.relations import RELATIONS
@@ -117,7 +119,7 @@ class Resolver:
         if log is not None:
             return self._reported(location, self._bases(location, Question(log)))
         # enclosing actions restrict the grips, and say what designators by class mean
-        question = location, tuple(actions_around()), self._meant(location)
+        question = location, tuple(actions_around()), self._meant(location), self._clear()
         answers = self._answers.of(self.scene.content(), lambda: Latest(MOST_QUESTIONS))
 
         def search() -> Iterator[Solution]:
@@ -164,9 +166,14 @@ class Resolver:
         for goal in (goal for reach in demand.reaches for goal in self._goals(reach)):
             self._look(goal)
         with_uses = replace(demand, reaches=tuple(map(self._with_uses, demand.reaches)))
-        if with_uses != demand:
-            yield from self._found(with_uses, self._question(location), found)
-        yield from self._found(demand, question, found)
+        first = None if with_uses == demand else self._question(location)
+        if first is not None:
+            yield from self._found(with_uses, first, found)
+        if first is not None and not any(one.then for one in with_uses.reaches) and not first.log.counts[IN_THE_WAY]:
+            question.log.include(first.log)  # nothing is in the way of a later step: the other search would be the same
+            question = replace(question, known=first.known)
+        else:
+            yield from self._found(demand, question, found)
         if not found:
             validator.check_doors(validator.wanted(demand), location, question.log)
             self._check_way(location, demand, question.log)
@@ -251,8 +258,14 @@ class Resolver:
         is_grasp = reach.kind is ReachKind.GRASP
         return goals_of(reach.body, actions_around(), self.scene) if is_grasp else ()
 
+    def _clear(self) -> tuple[str, ...]:
+        """List the doors and drawers that later steps use while a hand holds something, which it may put down."""
+        return leaves_used(remaining_actions(), self.scene) if self.scene.belief.held else ()
+
     def _with_uses(self, reach: Reach) -> Reach:
-        """Add later uses of the thing to a grasp."""
+        """Add to a grasp later uses of the thing, and to where one is put the leaves that later steps use."""
+        if reach.kind is ReachKind.PLACE:
+            return replace(reach, clear=self._clear())
         uses = [use_at(goal, reach.body, self.scene, self._viewer(goal)) for goal in self._goals(reach)]
         return reach if not uses else replace(reach, then=tuple(use for use in uses if use is not None))
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
+from executive.ahead.foresight import Foresight
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations import HandSolution, Reach, ReachKind, Resolver
@@ -370,6 +371,7 @@ class Platform(Control):
     leaning: set[str] = field(default_factory=set)
     """Held objects that running steps tilt beyond their limit on purpose."""
     sensing: Sensing = field(init=False)
+    ahead: Foresight = field(init=False)
     upload: Path | None = field(init=False, default=None)
     """File that uploaded maps are written to."""
     _exploration: Exploration | None = field(init=False, default=None)
@@ -442,7 +444,7 @@ class Platform(Control):
 
     def __post_init__(self) -> None:
         self.drive, self.hands, self.sensing = Drive(self), Hands(self), Sensing(self)
-        self.arms, self.phases = Arms(self, self.rng), Phases()
+        self.arms, self.phases, self.ahead = Arms(self, self.rng), Phases(), Foresight(self.scene, self.resolver)
         self.observe()
 
 

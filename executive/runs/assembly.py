@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from executive.ahead.leaving import at_rest, gets_away, leaving_first, with_in_hand
+from executive.ahead.leaving import at_rest, with_in_hand
 from executive.belief import Belief
 from executive.belief.facts import decide
 from executive.belief.obstacles import with_store
@@ -235,7 +235,7 @@ class RobotExecutive:
             while True:
                 self.platform.observe()
                 try:
-                    for solution in leaving_first(resolver.bases(location), self._gets_away):
+                    for solution in self.platform.ahead.first(str(location), resolver.bases(location), self._gets_away):
                         is_found = True
                         yield solution
                 except LocationUnresolvable as problem:
@@ -259,7 +259,7 @@ class RobotExecutive:
         grasps = [one for found in reached for one in found.values() if one.reach.kind is ReachKind.GRASP]
         state = platform.scene.belief.state
         states = (with_in_hand(platform.scene, at_rest(platform.scene, state, solution.base), one) for one in grasps)
-        return all(gets_away(platform.scene, state) for state in states)
+        return all(map(platform.ahead.gets_away, states))
 
     def _waiting(self, location: Location) -> Solution | None:
         """Wait for other robots that keep the base from a location where they stand now; None without any."""

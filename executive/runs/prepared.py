@@ -127,7 +127,7 @@ def prepared(options: RunOptions) -> RunFiles:
         options,
         **{name: getattr(options, name) or value for name, value in header.settings.items()},
         task=options.task or header.task,
-        start=options.start or start or header.start,
+        start=start or options.start or header.start,
         schedule=header.schedule if options.schedule is None else options.schedule,
         trace=options.trace or (options.resume if options.repeated is None else None),
         models=options.models or None,

@@ -6,10 +6,10 @@ import os
 import sys
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from types import CodeType, FrameType, TracebackType
 
-from planlang.kernel.core import Task
+from planlang.kernel.core import Task, running
 from planlang.kernel.errors import CleanupOverrun, PlanStructureError, RunError
 from planlang.kernel.tree import Node, unbound
 from planlang.plan_failure import PlanFailure, Where
@@ -41,14 +41,31 @@ def user_frame() -> FrameType:
 
 def innermost_frame(coroutine: object) -> FrameType | None:
     """Find the innermost frame of a waiting coroutine that is outside the plan language."""
-    innermost: FrameType | None = None
+    own = (frame for frame in _frames(coroutine) if not is_own(frame.f_code.co_filename))
+    return next(reversed(list(own)), None)
+
+
+def _frames(coroutine: object) -> Iterator[FrameType]:
+    """Yield the frames of a waiting coroutine, outermost first."""
     link = coroutine
     while link is not None:
         frame = getattr(link, "cr_frame", None) or getattr(link, "gi_frame", None) or getattr(link, "ag_frame", None)
-        if isinstance(frame, FrameType) and not is_own(frame.f_code.co_filename):
-            innermost = frame
+        if isinstance(frame, FrameType):
+            yield frame
         link = getattr(link, "cr_await", None) or getattr(link, "gi_yieldfrom", None) or getattr(link, "ag_await", None)
-    return innermost
+
+
+def frames_around() -> Iterator[FrameType]:
+    """Yield the frames of the running task, innermost first, then those of each task that waits for it."""
+    task = None if running.scheduler is None else running.scheduler.current
+    frame: FrameType | None = sys._getframe(1)
+    last = getattr(getattr(task, "coroutine", None), "cr_frame", None)
+    while task is not None and frame is not None:
+        yield frame
+        frame = None if frame is last else frame.f_back
+    while task is not None and task.group is not None:
+        task = task.group.owner
+        yield from reversed(list(_frames(task.coroutine)))
 
 
 def place_of(task: Task) -> str:

@@ -11,6 +11,7 @@ from pathlib import Path
 from types import FunctionType, ModuleType
 
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, line_in
+from planlang.language.remaining import SOURCE
 from planlang.language.source import PlanSource
 from planlang.words import Text, calling
 
@@ -23,6 +24,7 @@ def load_plan(source: PlanSource, name: str | None = None) -> ModuleType:
     """
     file = source.file
     module = new_module(name or f"planlang_run_{source.path.stem}", file)
+    vars(module)[SOURCE] = source
     if source.is_in_memory:  # tracebacks look here for lines; without a time, nobody asks whether the file has changed
         linecache.cache[file] = len(source.text), None, source.text.splitlines(keepends=True), file
 

@@ -168,16 +168,19 @@ async def perform(
     rules, result = tuple(recoveries_of(_PERFORM, recoveries)), None
     for _ in range(times):
         with performing(action, path_element, times=times):
-            result = await _with_hands(partial(recovering, step, rules))
+            result = await _in_turn(partial(recovering, step, rules), has_goal=until is not None)
     return result
 
 
-async def _with_hands(step: Branch) -> Any:
-    """Perform a step; if it lacks a hand that a waiting part of the plan has in use, that goes on first."""
+async def _in_turn(step: Branch, *, has_goal: bool) -> Any:
+    """Perform a step; if it fails while a part of the plan waits that let it go first, that goes on; then repeat it.
+
+    What has no goal is repeated only for want of a hand: it may have done something that must not be done twice.
+    """
     try:
         return await step()
     except PlanFailure as failure:
-        if evaporating() or not await hand_freed(failure):
+        if evaporating() or not await hand_freed(failure, anyway=has_goal):
             raise
     return await step()
 

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import field
 from typing import NamedTuple
 
 from planlang.language.branches import Branch
 from planlang.records import dataclass
 
+DESCRIPTIONS = frozenset(
+    {"action", "action_class", "an_object", "a_person", "a_device", "a_location", "a_pose", "a_posture", "resting_on"}
+    | {"a_situation", "partial"}
+)
+"""Functions that make descriptions, and do nothing."""
 Performs = Callable[[str, Branch | None], bool]
 """Decides whether a process module performs an action of a class, rather than the plan given for it."""
 
@@ -57,6 +63,10 @@ class Step:
     """Name of the step (``name=``)."""
     recoveries: tuple[str, ...] = ()
     """Recoveries of the step itself, as they are written."""
+    described: str | None = field(default=None, compare=False)
+    """The action, or the called plan as a ``partial``, as it is written; None where that does more than describe."""
+    names: Mapping[str, str] = field(default_factory=dict, compare=False)
+    """Descriptions that the function assigns to names."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -243,13 +243,13 @@ async def _gave_turn(to: Giving) -> bool:
     return True
 
 
-async def hand_freed(failure: PlanFailure) -> bool:
+async def hand_freed(failure: PlanFailure, *, anyway: bool = False) -> bool:
     """Let a block go on that gave its turn, with a thing in its hand, if a failure says that hands are lacking.
 
-    True once it has ended, or gives the turn back.
+    ``anyway``: whatever the failure says. True once that block has ended, or gives the turn back.
     """
     lacking = any(isinstance(link, (HandsFull, HandsLacking)) for link in failure.chain())
-    return lacking and await _gave_turn(Giving.BACK)
+    return (anyway or lacking) and await _gave_turn(Giving.BACK)
 
 
 def _touch(lease: Lease, name: str) -> None:

@@ -23,6 +23,7 @@ from planlang.diagnostics import BadInput, Span, error
 from planlang.files import read_file
 from planlang.language.branches import Branch
 from planlang.language.plan_text import (
+    DESCRIPTIONS,
     Alternative,
     CallText,
     FunctionText,
@@ -34,6 +35,9 @@ from planlang.language.plan_text import (
 from planlang.language.plans import Plan
 from planlang.outputs import LARGEST_PLAN, PlanHeader, header
 
+NAMES = ast.Name | ast.Attribute | ast.expr_context
+DESCRIBING = NAMES | ast.Call | ast.keyword | ast.Constant | ast.Tuple | ast.List | ast.BinOp | ast.operator
+"""Nodes of expressions that describe something."""
 Scope = Mapping[str, ast.AST]
 """Definitions in the source, by name."""
 
@@ -243,17 +247,29 @@ class PlanSource:
             if keyword.arg == "name" and isinstance(keyword.value, ast.Constant)
         }
         recoveries = {passed: meant(keyword.value) for passed, keyword in given if keyword.arg == "recoveries"}
+        described = {name: text for name, one in assigned.items() if (text := self._described(one)) is not None}
+        bound = {one.args[0]: one for one in calls if one.args and self.name(one.func) == "partial"}
+        bound |= {one.func: ast.Call(ast.Name("partial"), [one.func, *one.args], one.keywords) for one in calls}
         steps: list[Step] = []
         for node in nodes:
             if isinstance(node, ast.Name) and node.id in self._plans:  # called, or passed on: partial(right, BOTTLE)
-                steps.append(Step(function.name, *_place(node), node.id, True))
+                text = self._described(bound.get(node, node))
+                steps.append(Step(function.name, *_place(node), node.id, True, described=text, names=described))
             elif isinstance(node, ast.Call) and self.name(node.func) == "action" and node.args:
                 what = self._class_name(node.args[0], self._constants) or ast.unparse(node.args[0])
                 stated = recoveries.get(node)
                 listed = stated.elts if isinstance(stated, ast.List | ast.Tuple) else [stated] if stated else []
                 written = tuple(map(ast.unparse, listed))
-                steps.append(Step(function.name, *_place(node), what, False, names.get(node), written))
+                own = Step(function.name, *_place(node), what, False, names.get(node), written)
+                steps.append(replace(own, described=self._described(node), names=described))
         return sorted(steps, key=lambda one: (one.line, one.column))
+
+    def _described(self, node: ast.expr) -> str | None:
+        """Text of an expression that describes something and does nothing; None for others."""
+        if not all(isinstance(one, DESCRIBING) for one in ast.walk(node)):
+            return None
+        calls = (self.name(one.func) for one in ast.walk(node) if isinstance(one, ast.Call))
+        return ast.unparse(node) if all(one in DESCRIPTIONS for one in calls) else None
 
     # Names and values
 

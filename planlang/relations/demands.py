@@ -83,6 +83,8 @@ class Reach:
     """For GRASP and RETREAT: True if these apply to the pre-grasp pose instead of the grasp pose."""
     then: tuple[Reach, ...] = ()
     """For GRASP: later tasks of hands with the thing, which the grip has to suit."""
+    clear: tuple[str, ...] = ()
+    """For PLACE: doors and drawers that later steps move, whose way and handles stay free."""
 
     def bodies(self) -> tuple[str, ...]:
         """Return the bodies that the task and its other conjuncts name."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -45,7 +46,58 @@ def test_a_file_that_advises_nothing_is_refused_before_the_run(tmp_path: Path, t
     assert why in str(refused.value) or why == "JSON"
 
 
-def test_an_option_that_is_advised_counts_unless_it_is_given(tmp_path: Path) -> None:
+def test_an_option_that_is_advised_counts_instead_of_the_one_that_is_given(tmp_path: Path) -> None:
     (tmp_path / "advice.json").write_text('[{"option": "start", "value": [9.0, 9.0, 0.0]}]')
     with pytest.raises(BadInput, match="X007"):
-        run_plan_file(RunSettings(recipe="serve_a_drink", apply=tmp_path / "advice.json"))
+        run_plan_file(RunSettings(recipe="serve_a_drink", start=(0.0, 0.0, 0.0), apply=tmp_path / "advice.json"))
+
+
+ROOM = """
+Prefix: : <http://example.org/room.owl#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Ontology: <http://example.org/room.owl>
+    Import: <http://knowrob.org/kb/knowrob.owl>
+
+Individual: table1
+    Types: knowrob:KitchenTable
+    Facts: knowrob:translation "2 0 0.37", knowrob:boundingBoxSize "0.6 1.2 0.74"
+Individual: can1
+    Types: knowrob:DrinkingCan
+    Facts: knowrob:translation "1.85 0 0.81", knowrob:boundingBoxSize "0.066 0.066 0.13"
+"""
+FETCH = """
+Prefix: : <http://example.org/fetch.owl#>
+Prefix: room: <http://example.org/room.owl#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Ontology: <http://example.org/fetch.owl>
+    Import: <http://knowrob.org/kb/knowrob.owl>
+
+Individual: room:can1
+    Types: knowrob:DrinkingCan
+Class: Fetch
+    SubClassOf: knowrob:PurposefulAction, knowrob:subAction some TakeIt
+Class: TakeIt
+    SubClassOf: knowrob:FetchingAnObject, knowrob:objectActedOn value room:can1
+"""
+
+
+def test_a_robot_that_does_not_drive_is_told_where_to_start(tmp_path: Path) -> None:
+    panda = (Bundled.ROBOT.folder / "panda.toml").read_text(encoding="utf-8").replace("[base]", "[base]\nfixed = true")
+    for name, text in {"room.omn": ROOM, "fetch.omn": FETCH, "panda.toml": panda}.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    far = RunSettings(
+        recipe=tmp_path / "fetch.omn",
+        environment=tmp_path / "room.omn",
+        robot=tmp_path / "panda.toml",
+        trust_map=True,
+        start=(0.4, 1.8, 0.0),
+        force=True,
+    )
+    failed = run_plan_file(far)
+    assert failed.failure is not None
+    (change,) = failed.failure.changes
+    assert change.what == "start"
+    assert "started at x = " in str(failed.failure)
+    (tmp_path / "failed.json").write_text(json.dumps([change.as_json()]))
+    done = run_plan_file(replace(far, apply=tmp_path / "failed.json"))
+    assert done.outcome is Outcome.DONE, done.message

@@ -13,7 +13,8 @@ from itertools import product
 
 import numpy as np
 
-from executive.ahead.leaving import at_rest, gets_away, leaving_first
+from executive.ahead.later_steps import reached_through
+from executive.ahead.leaving import at_rest
 from executive.locations.headroom import way_out
 from executive.locations.rejections import NO_WAY
 from executive.locations.shut_ways import behind_doors, open_wide
@@ -24,7 +25,7 @@ from executive.modules.platform import Platform
 from executive.modules.runner import Skill, nothing
 from executive.motion import time_curve, time_path
 from executive.robots.arms import ArmModel
-from planlang.designators import Action
+from planlang.designators import Action, Location
 from planlang.failures import (
     ActionUnresolvable,
     ContainerStuck,
@@ -45,6 +46,7 @@ from planlang.geometry.matrices import moved
 from planlang.kernel import checkpoint
 from planlang.language.process_module import process_module
 from planlang.protocols import Configuration, MotionState, Trajectory
+from planlang.state import WorldState
 from sim.joints import Articulation, JointKind
 
 WAYS = 10
@@ -78,6 +80,8 @@ class LeafWork(HandWork):
     def __init__(self, platform: Platform, joint: Articulation) -> None:
         super().__init__(platform)
         self._joint, self._paths, self._home = joint, LeafPaths(platform.scene, joint), platform.base()
+        self._later: Location | None = None
+        """Where the base stands for the next step that reaches through the leaf while that is open."""
 
     async def open(self) -> None:
         """Open the leaf; a door between rooms so far that the base drives past it, if it can be opened so far.
@@ -85,13 +89,14 @@ class LeafWork(HandWork):
         Raises ContainerStuck, HandleNotReachable, StateUnknown, or BehindClosedDoor if another door is in the way.
         """
         joint = self._joint
+        self._later = reached_through(joint, self.platform.scene)
         wide = open_wide(self.platform.scene, joint) if joint.frame else joint.first_open
         try:
             await self._move(joint.upper, wide, lambda value: value >= wide)
         except (ContainerStuck, HandleNotReachable):
             if not joint.frame or not joint.is_open(self._value()):
                 raise
-        if self._covers_something():
+        if self._covers_something() or self._should_be_wider():
             with suppress(ManipulationFailure, NavigationFailure, EnvironmentManipulationFailure):
                 await self._motion(joint.upper, joint.upper).run()
 
@@ -151,7 +156,8 @@ class LeafWork(HandWork):
             arms = self.hands_for(joint.handle, joint.leaf)
             await self.tuck()
             self._paths = LeafPaths(self.platform.scene, joint, self._home)
-            for path in leaving_first(self._paths.towards(goal, arms, sufficient), self._gets_away):
+            found = self._paths.towards(goal, arms, sufficient)
+            for path in self.platform.ahead.first(f"how to move {joint.leaf}", found, self._leaves_a_way):
                 yield path
                 if path is None:
                     await checkpoint()
@@ -183,13 +189,32 @@ class LeafWork(HandWork):
             otherwise=otherwise,
         )
 
-    def _gets_away(self, path: LeafPath | None) -> bool:
-        """Check whether the base gets away from where it stands once the leaf is as far as a path moves it."""
+    def _leaves_a_way(self, path: LeafPath | None) -> bool:
+        """Check whether the base gets away once a path has moved the leaf, and the next step reaches through it."""
         if path is None:
             return True
-        scene = self.platform.scene
-        moved = scene.belief.with_leaf(self._joint.leaf, float(path.values[-1]))
-        return gets_away(scene, at_rest(scene, moved, path.base))
+        state = at_rest(self.platform.scene, self._moved(path.values[-1]), path.base)
+        return self.platform.ahead.gets_away(state) and self._is_wide_enough(state)
+
+    def _moved(self, value: float) -> WorldState:
+        return self.platform.scene.belief.with_leaf(self._joint.leaf, float(value))
+
+    def _is_wide_enough(self, state: WorldState) -> bool:
+        """Check whether the next step that reaches through the leaf could do so in a state, if it ever could."""
+        reaches = self.platform.ahead.reaches
+        if self._later is None or reaches(self._later, state):
+            return True
+        if not reaches(self._later, self._moved(self._joint.upper)):
+            self._later = None  # however far it is open: nothing more is asked
+        return self._later is None
+
+    def _should_be_wider(self) -> bool:
+        """Check whether the next step reaches through the leaf only if that is opened further."""
+        options, decision = (self._value(), self._joint.upper), f"how far to open {self._joint.leaf}"
+        if options[0] > AT_ITS_END * options[1]:
+            return False
+        wide = self.platform.ahead.first(decision, options, lambda one: self._is_wide_enough(self._moved(one)))
+        return next(wide) > options[0]
 
     async def _approach(self, path: LeafPath) -> None:
         """Drive to the path's base pose, look at the leaf, and bring the open hand to the handle."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.changes import CLOSE, Changes, leaf_moved
+from executive.locations.explanations import height_of
 from executive.locations.hand_solutions import base_matrices
 from executive.locations.rejections import COLLISION, NO_ROOM, NO_WAY, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.locations.standing import Standing
@@ -175,13 +176,12 @@ class LeafPaths:
             bodies = ", ".join(islice(rejected.ordered_blocking(), MOST_NAMED))
             figures = f"{counts[COLLISION]} postures with a hand at it are in collision, mostly with {bodies}"
         elif not figures and counts and set(counts) <= {OUT_OF_REACH.text, NO_ROOM, NO_WAY, SWEPT.text, NO_GRIP}:
-            height = f"{handle} is at {self._scene.bodies.pose(handle).position[2]:.2f} m"
+            height = height_of(handle, self._scene, self._tried)
             changes = Changes(handle, self._scene, rejected, self._moves)
             advice = changes.helping()
             figures = "; ".join(filter(None, (height, changes.none_found()))) if advice is None else advice.sentence
         rejected.changes = () if advice is None else advice.changes
-        reason = next(iter(counts), "")
-        rejected.figures = {reason: figures} if figures else {}
+        rejected.figures = {next(iter(counts), ""): figures} if figures else {}
         return rejected.failure(f"the base with a hand at {handle} as {joint.leaf} moves")
 
     def _once_closed(self) -> tuple[Action | None, Advice | None]:

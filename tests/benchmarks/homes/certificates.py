@@ -18,24 +18,27 @@ from planlang.geometry import Array, Pose
 from sim import Body, Scene
 from sim.joints import Articulation, JointKind
 from tests.benchmarks.homes.furnishing import Rectangle
+from tests.benchmarks.homes.grips import ENDS, PITCHES, Grips, Hands, around, slants
 from tests.benchmarks.homes.tasks import Need
-from tests.support.locations.dense_sampler import Joints, way_from
+from tests.support.locations.dense_sampler import Joints, way_from, way_of_two
 from tests.support.locations.oracle import Oracle
-from tests.support.locations.sampler import BACK, UP, hand_poses
+from tests.support.locations.plates import fingers_ahead
 from tests.support.locations.ways import Ways
 
 HANDS, BASES = 48, 600
 """Poses of the hand that are tried for one place, and bases for each arm."""
-PITCHES = (0.0, 0.4, 0.8, math.pi / 2)
-"""Tilts of the hand [rad]."""
-SIDE = 0.003
-"""Room that is left between fingers on both sides together [m]."""
 LEADING = (0.0, 0.35, 0.7)
 """Shares of a leaf's range at which the hand is at its handle."""
 OVER = 0.2
 """Height of a hand that pours over the vessel [m]."""
-ENDS = (0.0, 0.01, 0.02, 0.03, 0.045, 0.06, 0.08)
-"""Distances by which the ends of fingers may be ahead of the grip point [m]."""
+SECOND = 60
+"""Poses of the second hand that are tried with one of the first."""
+ROUNDS = 3
+"""Times that bases and postures are drawn for each arm."""
+SPOTS, TURNED = 16, np.array([0.0, math.pi / 2])
+"""Spots on a support where a thing is put, and how it is turned there [rad]."""
+OPENED = (1.0, 0.7)
+"""Shares of their range by which leaves are open that a need takes, while the others are shut."""
 BESIDE = (0.5, 0.6, 0.75, 0.9)
 """Distances from the middle of a doorway at which the base stands before and behind it [m]."""
 QUARTERS = (0.0, math.pi, math.pi / 2, -math.pi / 2)
@@ -46,8 +49,6 @@ WIPING = 0.06
 """Height of a hand that wipes over the table [m]."""
 PAST = 0.35
 """Distance at which something is handed over before somebody's middle [m]."""
-Hands = Array
-"""Poses of a hand (n, k, 4, 4), of which the second is the one that matters."""
 
 
 class Search:
@@ -55,20 +56,36 @@ class Search:
 
     def __init__(self, oracle: Oracle, chains: Mapping[str, Joints], floor: Array, seconds: float) -> None:
         self.oracle, self.chains, self.floor, self.seconds = oracle, chains, floor, seconds
+        self.grips = Grips({arm.name: fingers_ahead(oracle, arm.name) for arm in oracle.robot.arms})
         self.known = [oracle.room.start]
         """Places that the base is known to get to: where it begins, and behind each doorway that it passed."""
 
     def certified(self, need: Need, scene: Scene, leaves: Sequence[str]) -> bool:
-        """Return True if a certificate for a need is found; ``leaves`` are open by then."""
+        """Return True if a certificate for a need is found with the ``leaves`` open that a robot would open for it."""
         self.rng = np.random.default_rng(0)
+        return any(self._certified(need, scene, opened) for opened in self._opened(need, scene, leaves))
+
+    def _opened(self, need: Need, scene: Scene, leaves: Sequence[str]) -> Iterator[Mapping[str, float]]:
+        """Yield leaves with the shares of their range by which they are open: a robot may close the others."""
+        doors = {leaf: 1.0 for leaf in leaves if joint_of(scene, leaf).frame}
+        if need.kind in ("open", "close"):
+            yield {leaf: share for leaf, share in doors.items() if leaf != need.thing}
+            return
+        yield dict.fromkeys(leaves, 1.0)
+        body = scene.body(need.thing)
+        needed = [leaf for leaf in leaves if leaf == need.at or _carries(scene, leaf, body)]
+        for share in OPENED if len(leaves) > len(doors) else ():
+            yield doors | dict.fromkeys(needed, share)
+
+    def _certified(self, need: Need, scene: Scene, opened: Mapping[str, float]) -> bool:
         self.until = time.process_time() + self.seconds
         moved: dict[str, Pose] = {}
         try:
-            is_moved = need.kind in ("open", "close")
-            for leaf in leaves:
-                if not is_moved or (leaf != need.thing and joint_of(scene, leaf).frame):
-                    self._lead(scene, leaf, 1.0, moved)
-            return self._opens(need.thing, scene, moved) if is_moved else self._does(need, scene, moved)
+            for leaf, share in opened.items():
+                self._lead(scene, leaf, share, moved)
+            if need.kind in ("open", "close"):
+                return self._opens(need.thing, scene, moved)
+            return self._does(need, scene, moved)
         finally:
             for name in moved:
                 self.oracle.move(name, scene.body(name).pose)
@@ -76,17 +93,15 @@ class Search:
     def _does(self, need: Need, scene: Scene, moved: dict[str, Pose]) -> bool:
         body = scene.body(need.thing)
         pose = moved.get(body.name, body.pose)
-        if body.hands > 1:
-            return False  # two hands at once are not looked for
         match need.kind:
             case "grasp":
                 return self._grasps(body, pose)
             case "hold":
                 return True  # what each hand does has a certificate of its own
             case "place":
-                spots = list(self.spots(scene, body, need.at, 0.06, np.zeros(1), -0.02, moved))
+                spots = list(self.spots(scene, body, need.at, 0.06, TURNED, -0.02, moved))
                 self.rng.shuffle(spots)  # type: ignore[arg-type]  # poses are not to be an array
-                for spot in spots[:12]:
+                for spot in itertools.takewhile(lambda _: time.process_time() < self.until, spots[:SPOTS]):
                     moved[body.name] = spot
                     self.oracle.move(body.name, spot)
                     if self._grasps(body, spot, share=0.2):
@@ -94,7 +109,7 @@ class Search:
                 return False
             case "press":
                 normal = pose.rotation[:, 0]
-                hands = [self._around(arm, np.array(pose.position), -normal, ENDS) for arm in self.oracle.robot.arms]
+                hands = [around(arm, np.array(pose.position), -normal, ENDS) for arm in self.oracle.robot.arms]
                 return self._reached(hands, scene.body(need.thing).name)
             case "pour":
                 vessel = scene.body(need.at)
@@ -115,42 +130,10 @@ class Search:
     # Hands
 
     def _grasps(self, body: Body, pose: Pose, share: float = 1.0) -> bool:
-        """Return True if some arm gets to a thing, before it, and lifts it."""
-        hands = [self._grips(arm, body, pose) for arm in self.oracle.robot.arms]
-        return self._reached(hands, body.name, share)
-
-    def _grips(self, arm: Arm, body: Body, pose: Pose) -> Hands:
-        """Return hands (n, 3, 4, 4) between whose fingers a thing fits: before it, at it, above it."""
-        room = arm.gripper.max_opening if arm.gripper is not None else 0.0
-        middle, found = np.array(pose.position), []
-        turns = np.linspace(0.0, 2 * math.pi, 25)[:-1] + pose.yaw
-        for pitch in PITCHES:
-            for turn in turns.tolist():
-                side = np.array([-math.sin(turn), math.cos(turn), 0.0])
-                width = (
-                    float(np.abs(side @ pose.rotation) @ np.array(body.size)) if body.shape == "box" else body.size[0]
-                )
-                grip = middle
-                if width + SIDE > room and body.wall:
-                    grip = middle + side * (body.size[0] / 2 - body.wall / 2) + (0.0, 0.0, body.size[2] / 2)
-                elif width + SIDE > room:
-                    continue
-                ahead = np.array([math.cos(turn) * math.cos(pitch), math.sin(turn) * math.cos(pitch), -math.sin(pitch)])
-                up = np.array([0.0, 0.0, 0.01 if body.size[2] > 0.05 else 0.0])
-                points = [grip + up - BACK * ahead, grip + up, grip + up + (0.0, 0.0, UP)]
-                found.append(hand_poses(arm, points, ahead, side))
-        return np.array(found).reshape(-1, 3, 4, 4)
-
-    def _around(self, arm: Arm, point: Array, ahead: Array, short: Sequence[float] = (0.0,)) -> Hands:
-        """Return hands (n, 2, 4, 4) that come along a direction (3,) to a point, or short of it, turned about it."""
-        side = np.cross(ahead, (0.0, 0.0, 1.0)) if abs(ahead[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
-        side = side / np.linalg.norm(side)
-        found = []
-        for angle in np.linspace(0.0, 2 * math.pi, 9)[:-1].tolist():
-            closing = math.cos(angle) * side + math.sin(angle) * np.cross(ahead, side)
-            ends = [point - away * ahead for away in short]
-            found += [hand_poses(arm, [end - BACK * ahead, end], ahead, closing) for end in ends]
-        return np.array(found)
+        """Return True if some arm gets to a thing, before it, and lifts it; two of them if it takes two."""
+        if body.hands > 1:
+            return self._grasps_with_two(body, pose, share)
+        return self._reached([self.grips.at_thing(arm, body, pose) for arm in self.oracle.robot.arms], body.name, share)
 
     def _over(self, point: Array) -> bool:
         """Return True if some hand gets to a point, from whatever side."""
@@ -161,7 +144,7 @@ class Search:
                 for turn in np.linspace(0.0, 2 * math.pi, 13)[:-1].tolist()
                 for pitch in PITCHES
             ]
-            hands.append(np.concatenate([self._around(arm, point, np.array(way))[::4] for way in ways]))
+            hands.append(np.concatenate([around(arm, point, np.array(way))[::4] for way in ways]))
         return self._reached(hands, None)
 
     def _opens(self, leaf: str, scene: Scene, moved: dict[str, Pose]) -> bool:
@@ -177,13 +160,7 @@ class Search:
         """Return True if some hand gets to a handle of a leaf, where it is, in a ``share`` of the time that is left."""
         pose, size = moved[handle], scene.body(handle).size
         outward = self._outward(scene, leaf, moved[leaf], pose)
-        hands = []
-        for arm in self.oracle.robot.arms:
-            every = self._around(arm, np.array(pose.position), -outward, ENDS[:4])
-            closing = every[:, 1, :3, :3] @ np.array(arm.closing)
-            widths = np.abs(closing @ pose.rotation) @ np.array(size)
-            room = arm.gripper.max_opening if arm.gripper is not None else 0.0
-            hands.append(every[widths < min(room, 0.06)])
+        hands = [self.grips.at_bar(arm, pose, size, slants(-outward)) for arm in self.oracle.robot.arms]
         return self._reached(hands, handle, share)
 
     def _outward(self, scene: Scene, leaf: str, door: Pose, handle: Pose) -> Array:
@@ -234,17 +211,17 @@ class Search:
     def _reached(self, hands: Sequence[Hands], target: str | None, share: float = 1.0) -> bool:
         """Return True if an arm reaches one of its hands from somewhere, in a ``share`` of the time that is left."""
         until = time.process_time() + share * max(self.until - time.process_time(), 0.0)
-        ways = self._ways()
-        for arm, ours in zip(self.oracle.robot.arms, hands, strict=True):
+        ways, arms = self._ways(), self.oracle.robot.arms
+        free_hands = [
+            self._free(arm, self.chains[arm.name], ours, target) for arm, ours in zip(arms, hands, strict=True)
+        ]
+        able = [(arm, free) for arm, free in zip(arms, free_hands, strict=True) if len(free)]
+        for arm, free in itertools.takewhile(lambda _: time.process_time() < until, able * ROUNDS):
             chain = self.chains[arm.name]
-            free = self._free(arm, chain, ours, target)
-            if not len(free):
-                continue
             bases = self._bases(free[0, 1, :3, 3], chain)
             chosen = free[self.rng.integers(len(free), size=len(bases))]
             back = np.linalg.inv(np.array([Pose.planar(*base).matrix() for base in bases]).reshape(-1, 4, 4))
-            begun = self.rng.uniform(chain.lower, chain.upper, (len(bases), len(chain.names)))
-            q, good = chain.solve(back @ chosen[:, 1], begun)
+            q, good = chain.solve(back @ chosen[:, 1], self._anywhere(chain, len(bases)))
             for row in np.flatnonzero(good):
                 if time.process_time() > until:
                     return False
@@ -252,6 +229,43 @@ class Search:
                 if way_from(self.oracle, ways, arm, chain, (x, y, yaw), chosen[row], q[row], target):
                     return True
         return False
+
+    def _grasps_with_two(self, body: Body, pose: Pose, share: float) -> bool:
+        """Return True if two arms get to two handles of a thing, or to two sides of it, from one base, and lift it."""
+        until = time.process_time() + share * max(self.until - time.process_time(), 0.0)
+        arms, ways = [arm for arm in self.oracle.robot.arms if arm.gripper is not None], self._ways()
+        sides = self.grips.sides_for_two(body, pose)
+        pairs = list(itertools.product(itertools.permutations(arms, 2), itertools.combinations(sides, 2)))
+        for two, ends in itertools.takewhile(lambda _: time.process_time() < until, pairs * ROUNDS):
+            free, other = (
+                self._free(arm, self.chains[arm.name], self.grips.at_bar(arm, *end), body.name)
+                for arm, end in zip(two, ends, strict=True)
+            )
+            if not len(free) or not len(other):
+                continue
+            chain, second = (self.chains[arm.name] for arm in two)
+            bases = self._bases(np.array(pose.position), chain)
+            back = np.linalg.inv(np.array([Pose.planar(*base).matrix() for base in bases]).reshape(-1, 4, 4))
+            chosen = free[self.rng.integers(len(free), size=len(bases))]
+            q, good = chain.solve(back @ chosen[:, 1], self._anywhere(chain, len(bases)))
+            for row in np.flatnonzero(good):
+                # both arms may stand on one torso
+                shared = {name: value for name, value in zip(chain.names, q[row], strict=True) if name in second.names}
+                held, others = chain.held(shared), second.held(shared)
+                poses = other[self.rng.integers(len(other), size=SECOND)]
+                p, fine = others.solve(back[row] @ poses[:, 1], self._anywhere(others, len(poses)))
+                x, y, yaw = bases[row].tolist()
+                for one in np.flatnonzero(fine):
+                    if time.process_time() > until:
+                        return False
+                    hands = [(two[0], held, chosen[row], q[row]), (two[1], others, poses[one], p[one])]
+                    if way_of_two(self.oracle, ways, (x, y, yaw), hands, body.name):
+                        return True
+        return False
+
+    def _anywhere(self, chain: Joints, number: int) -> Array:
+        """Draw joint values (n, d) of a chain."""
+        return self.rng.uniform(chain.lower, chain.upper, (number, len(chain.names)))
 
     def _free(self, arm: Arm, chain: Joints, hands: Hands, target: str | None) -> Hands:
         """Return some hands that touch nothing there, without their arm."""
@@ -271,7 +285,7 @@ class Search:
         """Return bases (n, 3) on free floor within an arm's reach of a point, more or less towards it."""
         if self.oracle.robot.base.fixed:
             return np.array([self.oracle.room.start])
-        tips = chain.forward(self.rng.uniform(chain.lower, chain.upper, (500, len(chain.names))))[0][:, :2, 3]
+        tips = chain.forward(self._anywhere(chain, 500))[0][:, :2, 3]
         reach = 1.05 * float(np.linalg.norm(tips, axis=1).max())
         near = self.floor[np.linalg.norm(self.floor - point[:2], axis=1) < reach]
         if not len(near):
@@ -304,7 +318,7 @@ class Search:
     ) -> Iterator[Pose]:
         """Yield poses of a thing, upright, where it fits on or in a support; its extents may be less by ``tight``."""
         half = [max(extent / 2 - tight, 0.001) for extent in thing.size[:2]]
-        for frame, size, clear in _areas(scene, at):
+        for frame, size, clear in areas(scene, at, moved or {}):
             if clear < thing.size[2] - tight:
                 continue
             low = frame.position[2]
@@ -330,16 +344,25 @@ class Search:
                         yield pose
 
 
-def _areas(scene: Scene, at: str) -> Iterator[tuple[Pose, tuple[float, float], float]]:
+def _carries(scene: Scene, leaf: str, body: Body) -> bool:
+    """Return True if a body is in a drawer, or behind a door in what has it, as long as the leaf is closed."""
+    joint, within = joint_of(scene, leaf), scene.body(leaf)
+    if joint.kind is not JointKind.PRISMATIC and joint.holder is not None:
+        within = scene.body(joint.holder)
+    return _is_in(within, body)
+
+
+def areas(scene: Scene, at: str, moved: Mapping[str, Pose]) -> Iterator[tuple[Pose, tuple[float, float], float]]:
     """Yield the level areas on or in a support: the middle of each, its extents, and the height clear over it."""
     joint = next((one for one in scene.joints if one.leaf == at), None)
     holder = at if joint is None or joint.kind is JointKind.PRISMATIC or joint.holder is None else joint.holder
     body = scene.body(holder)
+    pose = moved.get(holder, body.pose)
     for room in body.cavities:
         x, y, z = room.centre
-        yield body.pose @ Pose((x, y, z - room.size[2] / 2)), (room.size[0], room.size[1]), room.size[2]
+        yield pose @ Pose((x, y, z - room.size[2] / 2)), (room.size[0], room.size[1]), room.size[2]
     if not body.cavities:
-        yield body.pose @ Pose((0.0, 0.0, body.size[2] / 2)), (body.size[0], body.size[1]), 2.0
+        yield pose @ Pose((0.0, 0.0, body.size[2] / 2)), (body.size[0], body.size[1]), 2.0
 
 
 def outline(body: Body, at: Pose | None = None, size: Sequence[float] | None = None) -> Rectangle:

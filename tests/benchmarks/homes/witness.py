@@ -20,22 +20,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.maps.scene import default_starts
-from executive.robots import Robot
+from executive.robots import Arm, Robot
 from planlang.geometry import Array, Pose
 from planlang.state.matter import KG_PER_ML
 from sim import Body, Scene
-from sim.joints import Articulation
-from tests.benchmarks.homes.certificates import Search, outline
+from sim.joints import Articulation, JointKind
+from tests.benchmarks.homes.certificates import Search, areas, outline
 from tests.benchmarks.homes.furnishing import Rectangle
 from tests.benchmarks.homes.tasks import Need, Task
 from tests.support.locations.dense_sampler import Joints
 from tests.support.locations.oracle import Oracle, walls_of
+from tests.support.locations.plates import fingers_ahead, least_width
 from tests.support.locations.rooms import Room
 
 POSTURES = 20_000
 """Random postures of an arm that say how far it reaches."""
 MARGIN = 0.05
 """Distance by which an arm may reach farther than in any of them [m]."""
+FOLDED, MARGIN_LOW = 0.3, 0.015
+"""Height over the lowest tips at which contacts matter [m]; by how much an arm may reach deeper than was found [m]."""
+WALKED = 1500
+"""Postures from which, and steps by which, the lowest one without contact is looked for."""
+FAR_AWAY = (100.0, 100.0, 0.0)
+"""Pose of the base where nothing stands."""
 LEVEL = 0.1
 """Height of the layers in which it is said how far the arm reaches [m]."""
 CELL = 0.04
@@ -233,6 +240,7 @@ class Witness:
             self._check_reach(body, self._spans(body))
         if need.kind == "place":
             self._check_room(body, need.at)
+            self._check_place(body, need.at)
 
     def _check_hands(self, body: Body, hands: int) -> None:
         has = sum(arm.gripper is not None for arm in self.robot.arms)
@@ -266,21 +274,68 @@ class Witness:
         """What each arm reaches."""
         return {name: Reach.of(chain) for name, chain in self.chains.items()}
 
-    def _check_reach(self, body: Body, places: Array) -> None:
-        """Raise _Broken if no arm reaches any of some places, by their height or by the floor before them."""
+    def _check_place(self, body: Body, at: str) -> None:
+        """Raise _Broken if no arm reaches any place on or in a support where a thing would stand."""
+        joint = self.joints.get(at)
+        values = np.linspace(0.0, joint.upper, 5).tolist() if joint and joint.kind is JointKind.PRISMATIC else [0.0]
+        places = []
+        for (frame, size, _), value in itertools.product(areas(self.scene, at, {}), values):
+            moved = joint.motion(value) @ frame if joint and value else frame
+            x, y = (np.linspace(-extent / 2, extent / 2, 2 + int(extent / LEVEL)) for extent in size)
+            places += [(moved @ Pose((one, other, body.size[2] / 2))).position for one in x for other in y]
+        self._check_reach(body, np.array(places), at)
+
+    def _check_reach(self, body: Body, places: Array, at: str = "") -> None:
+        """Raise _Broken if no arm reaches any of some places, by their height or by the floor before them.
+
+        They are those of a body, or those ``at`` a support where it would stand.
+        """
         half = float(np.linalg.norm(body.size)) / 2 if body.movable else max(body.size) / 2
         low, high = places[:, 2].min() - half, places[:, 2].max() + half
+        name, what = at or body.name, f"the place for {body.name} at {at}" if at else body.name
         reaches = self.reaches.values()
         if low > (top := max(one.highest for one in reaches)):
-            raise _Broken("too high", body.name, f"{body.name} is at {low:.2f} m, the arms reach up to {top:.2f} m")
-        if high < (bottom := min(one.lowest for one in reaches)):
-            raise _Broken(
-                "too low", body.name, f"{body.name} is at {high:.2f} m, the arms reach down to {bottom:.2f} m"
-            )
+            raise _Broken("too high", name, f"{what} is at {low:.2f} m, the arms reach up to {top:.2f} m")
+        crown = places[:, 2].max() + self._upwards(body)
+        if crown < min(one.lowest for one in reaches) + FOLDED and crown < (bottom := min(self.lowest)):
+            raise _Broken("too low", name, f"{what} is at {crown:.2f} m, the fingers reach down to {bottom:.2f} m")
         radius = max(one.radius(low, high) for one in reaches) + half
         away = np.linalg.norm(self.floor[:, None] - places[None, :, :2], axis=2)
         if not len(self.floor) or away.min() > radius:
-            raise _Broken("no floor", body.name, f"no free floor within {radius:.2f} m of {body.name}")
+            raise _Broken("no floor", name, f"no free floor within {radius:.2f} m of {what}")
+
+    def _upwards(self, body: Body) -> float:
+        """Return how far a body extends over its middle [m]."""
+        return float(np.abs(body.pose.rotation[2]) @ np.array(body.size)) / 2
+
+    @cached_property
+    def lowest(self) -> list[float]:
+        """Height of the lowest end of each arm's fingers without contact, by descent from random postures."""
+        return [self._lowest(arm, self.chains[arm.name]) - MARGIN_LOW for arm in self.robot.arms]
+
+    def _lowest(self, arm: Arm, chain: Joints) -> float:
+        rng, ahead = np.random.default_rng(0), max(fingers_ahead(self.oracle, arm.name), 0.0)
+
+        def ends(q: Array) -> Array:
+            frames = chain.forward(q)[0]
+            downwards = np.minimum(frames[:, 2, :3] @ np.array(arm.approach), 0.0)
+            return frames[:, 2, 3] + ahead * downwards
+
+        def is_free(q: Array) -> bool:
+            joints = dict(zip(chain.names, q.tolist(), strict=True))
+            self.oracle.place(FAR_AWAY, {**self.oracle.posture, **joints})
+            return self.oracle.touched(depth=0.005) is None
+
+        drawn = rng.uniform(chain.lower, chain.upper, (POSTURES, len(chain.names)))
+        order = drawn[np.argsort(ends(drawn))[:WALKED]]
+        best = next(((float(ends(q[None])[0]), q) for q in order if is_free(q)), None)
+        if best is None:
+            return -math.inf
+        for wide in np.geomspace(0.3, 0.01, WALKED).tolist():
+            q = np.clip(best[1] + rng.normal(0.0, wide, len(chain.names)), chain.lower, chain.upper)
+            if (low := float(ends(q[None])[0])) < best[0] and is_free(q):
+                best = low, q
+        return best[0]
 
     @cached_property
     def floor(self) -> Array:
@@ -309,7 +364,7 @@ class Witness:
 
     def _check_doorway(self, name: str) -> None:
         """Raise _Broken if the base is wider than a doorway."""
-        wide, base = self.scene.body(name).size[1], self.oracle.least_width()
+        wide, base = self.scene.body(name).size[1], least_width(self.oracle)
         if wide < base:
             raise _Broken("too narrow", name, f"{name} is {wide:.2f} m wide, the base at least {base:.2f} m")
 

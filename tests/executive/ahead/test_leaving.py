@@ -2,45 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
-import pytest
-
 import planlang
-from executive.ahead.leaving import MOST_QUESTIONS, at_rest, gets_away, leaving_first
-from planlang.failures import LocationUnresolvable
+from executive.ahead.leaving import at_rest, gets_away
+from executive.ahead.spent import Spent
 from planlang.geometry import Pose
 from tests.support.leaves import room, thing
 
 HERE = Path(__file__).parent
-
-
-def test_candidates_from_which_the_base_does_not_get_away_come_last() -> None:
-    assert list(leaving_first("abcd", lambda one: one in "bd")) == ["b", "d", "a", "c"]
-
-
-def test_no_more_is_asked_once_enough_candidates_were_put_off() -> None:
-    asked = list[int]()
-
-    def never(number: int) -> bool:
-        asked.append(number)
-        return False
-
-    assert list(leaving_first(range(20), never)) == list(range(20))
-    assert len(asked) == MOST_QUESTIONS
-
-
-def test_the_failure_that_ends_the_candidates_comes_after_those_put_off() -> None:
-    def ending() -> Iterator[str]:
-        yield from "ab"
-        raise LocationUnresolvable("that was all")
-
-    left = leaving_first(ending(), lambda one: one == "b")
-    assert [next(left), next(left)] == ["b", "a"]
-    with pytest.raises(LocationUnresolvable, match="that was all"):
-        next(left)
 
 
 def walled(open_by: float, stack: ExitStack) -> bool:
@@ -58,7 +29,7 @@ def walled(open_by: float, stack: ExitStack) -> bool:
     ]
     stage = room(stack, (case, leaf, grip, *walls))
     scene = stage.platform.scene
-    return gets_away(scene, at_rest(scene, scene.belief.with_leaf("leaf", open_by), (0.27, 0.7, 0.0)))
+    return gets_away(scene, at_rest(scene, scene.belief.with_leaf("leaf", open_by), (0.27, 0.7, 0.0)), Spent())
 
 
 def test_a_drawer_that_is_open_closes_the_only_way_out_of_a_corner(stack: ExitStack) -> None:

@@ -9,7 +9,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from executive.locations.changes import Changes
+from executive.belief.planning_scene import PlanningScene
+from executive.locations.changes import Changes, with_changes
+from executive.locations.explanations import height_of
 from executive.locations.rejections import Rejections
 from planlang import perform
 from planlang.designators import Location, a_location, action, an_object
@@ -72,16 +74,34 @@ def test_supposing_leaves_the_belief_as_it_was(make_stage: MakeStage) -> None:
     assert (stage.belief.snapshot(), stage.belief.names(), stage.platform.scene.world.pose("bottle")) == before
 
 
+@pytest.mark.parametrize(("least", "told"), [(9.0, "without can this would work"), (1.0, "without can, and moved 1.2")])
+def test_what_stands_between_a_thing_and_the_edge_is_to_go_with_it_or_alone(
+    make_stage: MakeStage, least: float, told: str
+) -> None:
+    can = replace(BOTTLE, name="can", iri=None, pose=Pose((0.87, 0.1, 0.9)))
+    scene = make_stage(TABLE, FAR_BACK, can).platform.scene
+
+    def is_feasible(supposed: PlanningScene) -> bool:
+        return not supposed.belief.state.there("can") and supposed.bodies.pose("bottle").position[0] < least
+
+    advice = Changes("bottle", scene, Rejections(), is_feasible).nearer(np.array([-1.0, 0.0]))
+    assert advice is not None
+    assert str(advice).startswith(told)
+    assert is_feasible(scene.supposing(with_changes(scene.belief, advice.changes)))
+
+
 def test_what_only_a_full_hand_reaches_is_to_be_fetched_before_what_the_hand_holds(make_stage: MakeStage) -> None:
     stage = make_stage(CABINET, BOTTLE, replace(BOTTLE, name="can", iri=None, pose=Pose((0.0, 2.0, 0.1))))
     hold_bottle(stage, name="can")
     scene = stage.platform.scene
     changes = Changes("bottle", scene, Rejections(), lambda _: False)
-    first, why = changes.by_the_robot(lambda supposed: not supposed.belief.held)
+    first, why = changes.by_the_robot(lambda supposed: not supposed.belief.held, grasps=True)
     assert first == action("SettingAsideAnObject", object_acted_on=scene.bodies.designator("can"))
     assert why is not None
     assert str(why) == "only the right arm, which holds can, reaches bottle: fetch bottle before can"
-    assert changes.by_the_robot(lambda _: False) == (None, None)
+    assert changes.by_the_robot(lambda _: False, grasps=True) == (None, None)
+    needed = Changes("bottle", scene, Rejections(), lambda _: False, needed={"can"})
+    assert needed.by_the_robot(lambda _: pytest.fail("without the can nothing is asked"), grasps=True) == (None, None)
 
 
 def test_a_relation_that_no_place_meets_is_named_instead_of_changes_that_are_no_use(make_stage: MakeStage) -> None:
@@ -165,3 +185,13 @@ def test_what_the_plan_around_acts_on_is_not_supposed_away(make_stage: MakeStage
     stage.run(partial(perform, action("Cleaning", object_acted_on=THE_BELL), otherwise=search))
     assert "bell" in figures[0]
     assert "without bell" not in figures[0]
+
+
+@pytest.mark.parametrize(
+    ("height", "told"), [(0.1, r"0\.1\d m too low; the \w+ arm reaches down to 0\.2\d m"), (0.9, "$")]
+)
+def test_a_handle_is_said_to_be_too_low_for_the_hands_with_both_heights(
+    make_stage: MakeStage, height: float, told: str
+) -> None:
+    scene = make_stage(replace(BOTTLE, pose=Pose((1.5, 0.0, height)))).platform.scene
+    assert re.match(rf"bottle is at {height:.2f} m(, )?{told}", height_of("bottle", scene, scene.arms.all))

@@ -8,9 +8,10 @@ from typing import Any
 
 import pytest
 
-from planlang import give_turn, now, par, perform, sleep, tag, task, task_suspended, using
+from planlang import Condition, Recovery, give_turn, holding, now, par, perform, sleep, tag, task, task_suspended, using
 from planlang.designators import action, an_object
-from planlang.failures import GraspMissed, HandsFull
+from planlang.failures import GraspMissed, HandsFull, ManipulationPoseUnreachable
+from planlang.recoveries import put_down_and_regrasp
 from planlang.runs import RecordedRun
 from planlang.testing import Script, explore, replay, run_plan
 
@@ -139,9 +140,10 @@ def test_a_suspended_step_gets_no_turn() -> None:
     assert log == ["a fetches at 0", "a brings at 1", "b fetches at 3.5", "b brings at 4.5"]
 
 
-def fetch_two() -> Awaitable[Any]:
+def fetch_two(*recoveries: Recovery, until: Condition | None = None) -> Awaitable[Any]:
     """Two steps: one fetches a cup, the other needs the hand that holds it until the cup is brought."""
     free = {"hands": 1}
+    why = None if until is None else ManipulationPoseUnreachable(what="plate1")
 
     async def fetch_cup() -> None:
         async with using("base", in_turns=True):
@@ -152,19 +154,28 @@ def fetch_two() -> Awaitable[Any]:
 
     async def take_plate() -> None:
         if not free["hands"]:
-            raise HandsFull(designator="plate1", what="plate1", held={"arm": CUP})
-        await sleep(1)
+            raise why or HandsFull(designator="plate1", what="plate1", held={"arm": CUP})
+        await perform(action("GraspingSomething", object_acted_on=PLATE))
 
     async def fetch_plate() -> None:
         async with using("base", in_turns=True):
-            await perform(action("http://example.org/#Taking", object_acted_on=PLATE), otherwise=take_plate)
+            taking = action("http://example.org/#Taking", object_acted_on=PLATE)
+            await perform(taking, otherwise=take_plate, until=until, recoveries=recoveries)
 
     return par(fetch_cup, fetch_plate)
 
 
-def test_a_step_without_a_hand_lets_the_one_go_on_that_has_it_in_use() -> None:
-    assert run_plan(fetch_two).failure is None
-    assert explore(fetch_two, check=lambda run: run.value).complete
+@pytest.mark.parametrize("recoveries", [(), (Recovery(HandsFull, put_down_and_regrasp(PLATE)),)])
+def test_a_step_without_a_hand_lets_the_one_go_on_that_has_it_in_use(recoveries: tuple[Recovery, ...]) -> None:
+    two, script = partial(fetch_two, *recoveries), Script().performs("GraspingSomething")
+    assert run_plan(two, script=script).failure is None
+    assert explore(two, script=script, check=lambda run: run.value).complete
+
+
+def test_a_step_that_does_not_reach_its_goal_is_repeated_after_the_one_that_let_it_go_first() -> None:
+    two, script = partial(fetch_two, until=holding(PLATE)), Script().performs("GraspingSomething")
+    script.on("GraspingSomething", does=lambda belief, _: belief.hold("plate1"))
+    assert run_plan(two, script=script).belief.holding == ["plate1"]
 
 
 def test_a_run_with_turns_is_replayed_and_resumed() -> None:

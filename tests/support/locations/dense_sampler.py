@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from executive.robots import Arm
 from planlang.geometry import Array
 from tests.support.locations.oracle import PRESSED, BasePose, Claim, Oracle, on_the_way
-from tests.support.locations.sampler import grasp_poses
+from tests.support.locations.sampler import UP, grasp_poses
 from tests.support.locations.ways import Ways
 
 YAWS, HEIGHTS = 180, (0.0, -0.01, 0.01, 0.025, 0.04)
@@ -72,6 +72,12 @@ class Joints:
             ends[:, 0],
             ends[:, 1],
         )
+
+    def held(self, values: Mapping[str, float]) -> Joints:
+        """Return the chain with some of its joints held at values."""
+        lower = [values.get(name, one) for name, one in zip(self.names, self.lower, strict=True)]
+        upper = [values.get(name, one) for name, one in zip(self.names, self.upper, strict=True)]
+        return replace(self, lower=np.array(lower), upper=np.array(upper))
 
     def forward(self, q: Array) -> tuple[Array, Array]:
         """Return tip poses (n, 4, 4) and Jacobians (n, 6, d) at joint values (n, d)."""
@@ -196,6 +202,38 @@ def way_from(
     if not all(_is_free(oracle, arm, chain, base, one, opened, target) for one in between):
         return None
     return Claim(base, arm.name, chain.names, values, poses, target, opened)
+
+
+def way_of_two(
+    oracle: Oracle,
+    ways: Ways,
+    base: BasePose,
+    hands: Sequence[tuple[Arm, Joints, Array, Array]],
+    target: str,
+) -> bool:
+    """Return whether two arms get, fingers opened, to their poses at a target and lift it together.
+
+    Each has its chain, its poses (k, 4, 4), of which the joints (d,) reach the second, and these joints.
+    """
+    oracle.place(base, oracle.posture)
+    if oracle.touched(depth=PRESSED) is not None or not ways.lead_to(base):
+        return False
+    steps: list[dict[str, float]] = [{} for _ in (0, 1, 2)]
+    may: frozenset[int] = frozenset()
+    for arm, chain, poses, q in hands:
+        raised = poses[1].copy()
+        raised[2, 3] += UP
+        others, good = chain.solve(_inverse(base) @ np.array([poses[0], raised]), np.tile(q, (2, 1)))
+        if not good.all() or np.abs(others - q).max() > 1.0:
+            return False
+        for step, values in zip(steps, (others[0], q, others[1]), strict=True):
+            step |= {**_opened(arm), **dict(zip(chain.names, values.tolist(), strict=True))}
+        may |= oracle.fingers(arm.name)
+    for step in steps:
+        oracle.place(base, {**oracle.posture, **step})
+        if oracle.touched(may, target, depth=PRESSED) is not None:
+            return False
+    return True
 
 
 def _is_free(

@@ -37,10 +37,6 @@ STEPS = 8
 """In so many steps the way from one pose of a claim to the next is looked at; in twice as many what one touches that
 it tells, of which the tip is looked at everywhere.
 """
-PLATE = 4.0
-"""Width of the plate that measures a base, and its distance from its middle [m]."""
-DIRECTIONS, BETWEEN = 90, 0.02
-"""Directions in which the base is measured, and by how much it may be narrower between two of them [m]."""
 NEIGHBOURS = 2
 """Links that are so few joints apart may touch each other."""
 GAZES = 15
@@ -181,35 +177,6 @@ class Oracle:
         return chain
 
     # Asking
-
-    def least_width(self) -> float:
-        """Return a lower bound of the width of what never moves on the base [m], in the narrowest of its directions.
-
-        A plate is held against the base from all around.
-        """
-        still = [link for link in self.names if self.joints.keys().isdisjoint(self._joints_below(link))]
-        self.place((0.0, 0.0, 0.0), self.posture)
-        half = [PLATE / 2, PLATE / 20, PLATE]
-        shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self.client)
-        plate = pybullet.createMultiBody(0, shape, physicsClientId=self.client)
-        away = np.zeros(2 * DIRECTIONS)
-        for number in range(2 * DIRECTIONS):
-            angle = number * math.pi / DIRECTIONS
-            middle = (-math.sin(angle) * PLATE, math.cos(angle) * PLATE, 0.0)
-            turn = (0.0, 0.0, math.sin(angle / 2), math.cos(angle / 2))
-            pybullet.resetBasePositionAndOrientation(plate, middle, turn, physicsClientId=self.client)
-            gaps = [
-                point[8]
-                for link in still
-                for point in pybullet.getClosestPoints(self.uid, plate, PLATE, link, physicsClientId=self.client)
-            ]
-            away[number] = 0.95 * PLATE - min(gaps)
-        pybullet.removeBody(plate, physicsClientId=self.client)
-        return float((away[:DIRECTIONS] + away[DIRECTIONS:]).min()) - BETWEEN
-
-    def _joints_below(self, link: int) -> set[str]:
-        carriers = set(self.upwards(link))
-        return {name for name, index in self.joints.items() if index in carriers}
 
     def place(self, base: BasePose, joints: Mapping[str, float]) -> None:
         """Put the robot somewhere; joints not named stay, those that mimic one go with it."""

@@ -1,0 +1,40 @@
+"""What later steps do through a door or drawer: take something from behind it, or put something there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from executive.belief.planning_scene import PlanningScene
+from executive.locations.demands import goals_of, use_at
+from planlang.designators import Action, Location, Object, a_location
+from planlang.language.performing import actions_around
+from planlang.language.remaining import remaining_actions
+from planlang.relations.demands import ReachKind
+from sim.joints import Articulation
+
+
+def reached_through(joint: Articulation, scene: PlanningScene) -> Location | None:
+    """Find where the base stands for the next step that reaches through a leaf, once that is open; None without one.
+
+    The steps are those in progress and those that remain of the plan.
+    """
+    supposed = scene.supposing(scene.belief.with_leaf(joint.leaf, 0.0))  # so that nothing is bound for good
+    for each in _steps():
+        what = each.get("object_acted_on")
+        name = supposed.bodies.known(what) if isinstance(what, Object) else None
+        if name is None or not isinstance(what, Object):
+            continue
+        if supposed.bodies.is_held(name):
+            for goal in goals_of(name, [each], supposed):
+                put = use_at(goal, name, supposed, supposed.base()[:2])
+                is_inside = put is not None and put.kind is ReachKind.PLACE and put.inside
+                if put is not None and is_inside and put.body in (*joint.bodies, joint.holder):
+                    return a_location(in_reach_of=goal)
+        elif supposed.bodies.is_graspable(name) and supposed.bodies.closed_before(name) == joint.leaf:
+            return a_location(in_reach_of=what)
+    return None
+
+
+def _steps() -> Iterator[Action]:
+    yield from actions_around()
+    yield from remaining_actions()

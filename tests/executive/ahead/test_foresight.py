@@ -1,0 +1,127 @@
+"""Of what a step may do, it does first what leaves later steps a way, as far as a few questions tell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack
+from typing import Any
+
+import pytest
+
+from executive.ahead import foresight
+from executive.ahead.foresight import MOST_QUESTIONS, Foresight
+from executive.ahead.later_steps import reached_through
+from planlang import SimulationHost, perform, run
+from planlang.designators import Action, a_location, action
+from planlang.failures import LocationUnresolvable
+from planlang.geometry import Pose
+from planlang.kernel import checkpoint
+from tests.support.leaves import Room, room, thing
+
+FRONT = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
+
+
+def chest(stack: ExitStack) -> Room:
+    """A chest with a can in its drawer."""
+    things = (
+        thing("case", "Cabinet-PieceOfFurniture", Pose((0.85, 0.0, 0.4)) @ FRONT, (0.5, 0.5, 0.8), "leaf"),
+        thing("leaf", "Drawer", Pose((0.84, 0.0, 0.65)) @ FRONT, (0.48, 0.46, 0.2), "grip"),
+        thing("grip", "Handle", Pose((0.56, 0.0, 0.65)) @ FRONT, (0.012, 0.2, 0.012)),
+        thing("can", "TinCan", Pose((0.75, 0.0, 0.62)), (0.07, 0.07, 0.1)),
+    )
+    return room(stack, things)
+
+
+class Asked:
+    """Foresight over a room, the candidates of which is asked, and what is told about it."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        self.stage = chest(stack)
+        self.ahead, self.asked, self.told = self.stage.platform.ahead, list[Any](), list[dict[str, Any]]()
+        self.stage.platform.belief.tell = lambda event, details: self.told.append({"event": event, **details})
+        self._away = self.stage.platform.belief.with_leaf("leaf", 0.4)
+
+    def ordered(self, candidates: Iterable[Any], good: Callable[[Any], bool]) -> Iterator[Any]:
+        """Order candidates of which the good ones leave a way; each asks whether the base gets away."""
+
+        def leaves(one: Any) -> bool:
+            self.asked.append(one)
+            state = self._away.with_robot("amigo", self.stage.platform.scene.world.configuration())
+            near = state.robots["amigo"]
+            self.ahead.gets_away(self._away.with_robot("amigo", type(near)((0.2, 0.0, 0.0), near.joints)))
+            return good(one)
+
+        return self.ahead.first("which", candidates, leaves)
+
+
+def test_candidates_that_leave_no_way_come_last_and_what_was_asked_is_told(stack: ExitStack) -> None:
+    asked = Asked(stack)
+    assert list(asked.ordered("abcd", lambda one: one in "bd")) == ["b", "d", "a", "c"]
+    assert [(one["event"], one["questions"], one["put_off"]) for one in asked.told] == [
+        ("looked ahead", 2, 1),
+        ("looked ahead", 4, 2),
+    ]
+    assert all(one["checks"] > 0 == one["searches"] for one in asked.told)
+
+
+def test_a_decision_asks_about_a_few_candidates_only(stack: ExitStack) -> None:
+    asked = Asked(stack)
+    assert list(asked.ordered(range(20), lambda one: False)) == list(range(20))
+    assert asked.asked == list(range(MOST_QUESTIONS))
+
+
+def test_the_failure_that_ends_the_candidates_comes_after_those_put_off(stack: ExitStack) -> None:
+    def ending() -> Iterator[str]:
+        yield from "ab"
+        raise LocationUnresolvable("that was all")
+
+    left = Asked(stack).ordered(ending(), lambda one: one == "b")
+    assert [next(left), next(left)] == ["b", "a"]
+    with pytest.raises(LocationUnresolvable, match="that was all"):
+        next(left)
+
+
+def test_what_needs_neither_search_nor_check_is_no_question(stack: ExitStack) -> None:
+    asked = Asked(stack)
+    assert list(asked.ahead.first("which", range(20), lambda one: one % 2 == 1)) == [*range(1, 20, 2), *range(0, 20, 2)]
+    assert asked.told == []
+
+
+def test_an_answer_is_kept_and_with_the_budget_spent_nothing_is_searched(
+    stack: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage = chest(stack)
+    ahead, belief = Foresight(stage.platform.scene, stage.platform.resolver), stage.platform.belief
+    where, wide = a_location(in_reach_of=stage.designator("can")), belief.with_leaf("leaf", 0.38)
+    told = list[dict[str, Any]]()
+    belief.tell = lambda event, details: told.append(dict(details))
+    assert list(ahead.first("which", "ab", lambda one: ahead.reaches(where, wide))) == ["a", "b"]
+    assert [one["searches"] for one in told] == [1]
+    monkeypatch.setattr(foresight, "MOST_SEARCHES", 1)
+    assert ahead.reaches(where, belief.with_leaf("leaf", 0.0)), "as nothing more is searched"
+
+
+def later(stage: Room, *around: Action) -> str:
+    """Return where the base stands for the next step through the drawer, inside these actions."""
+    found = list[str]()
+
+    async def ask() -> None:
+        found.append(str(reached_through(stage.platform.belief.joints["leaf"], stage.platform.scene)))
+        await checkpoint()
+
+    async def plan() -> None:
+        body = ask
+        for each in reversed(around):
+            body = (lambda act, inner: lambda: perform(act, otherwise=inner))(each, body)
+        await body()
+
+    run(plan, host=SimulationHost(stage.truth), executive=stage.executive)
+    return found[0]
+
+
+def test_a_step_that_takes_something_out_of_a_drawer_reaches_through_it(stack: ExitStack) -> None:
+    stage = chest(stack)
+    can, case = stage.designator("can"), stage.designator("case")
+    assert later(stage, action("FetchingAnObject", object_acted_on=can)) == "in_reach_of(can)"
+    assert later(stage, action("FetchingAnObject", object_acted_on=case)) == "None"
+    assert later(stage) == "None"
