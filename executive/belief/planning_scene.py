@@ -23,6 +23,7 @@ from planlang.geometry.areas import Block
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import SolidKind
 from planlang.kernel import still_computing
+from planlang.language.performing import actions_around
 from planlang.protocols import Configuration
 from planlang.records import dataclass
 from planlang.state import WorldState
@@ -234,6 +235,16 @@ class RobotArms(ScenePart):
         """Resolve a device designator to arms: by the robot's part, otherwise by type and side."""
         names = [arm.name for arm in self._robot.arms_of(device)]
         return [arm for arm in self.all if arm.name in names]
+
+    def asked(self, device: object = None) -> Sequence[ArmModel]:
+        """List the arms of the device that a step states, else of that of the nearest action around it; all without.
+
+        So all steps within an action are done with its hand. What is a tool, and no hand, leaves the choice open.
+        """
+        if isinstance(device, Device):
+            return self.of(device)
+        around = (one.get("device_used") for one in actions_around())
+        return next((arms for one in around if isinstance(one, Device) and (arms := self.of(one))), self.all)
 
     @property
     def hands(self) -> list[ArmModel]:

@@ -346,8 +346,9 @@ def asks_for(location: Location, kind: type[RelationType]) -> bool:
 
 
 def _by_arms(reach: Reach, location: Location, arms: RobotArms) -> Reach:
-    """Restrict a task to the arms that a location names, and to its grasp; an empty hand offers nothing."""
-    names = None if location.device is None else tuple(arm.name for arm in arms.of(location.device))
+    """Restrict a task to the arms that a location, or a step, names, and to its grasp; an empty hand offers nothing."""
+    able = arms.asked() if location.device is None else arms.of(location.device)
+    names = None if location.device is None and len(able) == len(arms.all) else tuple(arm.name for arm in able)
     if reach.kind is ReachKind.OFFER:
         names = tuple(name for name in names or () if arms.held(name) is not None) or names
     chosen = location.grasp if reach.kind in (ReachKind.GRASP, ReachKind.ABOVE) else None

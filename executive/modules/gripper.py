@@ -60,8 +60,7 @@ class Grasping(PlatformModule):
         """
         scene, arms = self.platform.scene, self.platform.arms
         device, closes = action.get("device_used"), self._closes(action)
-        candidates = scene.arms.of(device) if isinstance(device, Device) else scene.arms.all
-        candidates = [arm for arm in candidates if arm.gripper is not None]
+        candidates = [arm for arm in scene.arms.asked(device) if arm.gripper is not None]
         if closes:
             return arms.closed_by(action, candidates)
         opened = arms.opened_by(action, candidates)

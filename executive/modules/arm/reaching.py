@@ -115,14 +115,14 @@ class HandReaching(HandWork):
         """
         scene, arms = self.platform.scene, self.platform.arms
         device, location = action.get("device_used"), self._target(action)
-        allowed = scene.arms.of(device) if isinstance(device, Device) else scene.arms.all
+        allowed = scene.arms.asked(device)
         if location is not None and self.platform.resolver.is_grasp(location) and (free := arms.free(allowed)):
             return free
         if isinstance(device, Device):
             ordered = arms.in_order(allowed)
             offering = [arm for arm in ordered if scene.arms.held(arm.name)] if self._is_for_person(action) else []
             return offering or ordered
-        return arms.holding_for(action, scene.arms.all) or arms.in_order(scene.arms.all)
+        return arms.holding_for(action, allowed) or arms.in_order(allowed)
 
     def _is_for_person(self, action: Action) -> bool:
         """Check whether the target is a pose relative to a person."""

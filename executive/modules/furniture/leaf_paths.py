@@ -21,7 +21,7 @@ from executive.locations.explanations import height_of
 from executive.locations.hand_solutions import base_matrices
 from executive.locations.rejections import COLLISION, NO_ROOM, NO_WAY, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.locations.standing import Standing
-from executive.modules.furniture.leaf_grips import LAGS, Grips, grips_of, on_side_of_handle, shut_out
+from executive.modules.furniture.leaf_grips import LAGS, Grips, grips_of, on_side_of_handle, shut_out, within_reach
 from executive.motion import Chain, cartesian_path
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
@@ -257,7 +257,7 @@ class LeafPaths:
         if joint.frame:
             here = on_side_of_handle(self._scene, joint, bases)
             bases, coarse = bases[here], coarse[here]
-        reached, strain = _within_reach(arm, bases, tips)
+        reached, strain = within_reach(arm, bases, tips)
         kept = reached > 1
         self.rejected.add(OUT_OF_REACH.text, 0 if kept.any() else len(kept))
         kept[kept] = self.poses.free(bases[kept], -strain[kept])
@@ -306,21 +306,6 @@ def _whole_first(paths: Iterator[LeafPath | None], count: int) -> Iterator[LeafP
             yield path
         else:
             others.append(path)
-
-
-def _within_reach(arm: ArmModel, bases: Array, tips: Array) -> tuple[NDArray[np.intp], Array]:
-    """Count the leading positions of a tip (n, 3) that are within an arm's length from base poses (m, 3).
-
-    Also returns the largest deviation of the distance from the comfortable 0.65 of the reach (m,).
-    """
-    shoulder = moved(base_matrices(bases), (arm.shoulder_low + arm.shoulder_high) / 2)
-    low, high = arm.shoulder_low[2], arm.shoulder_high[2]
-    gaps = shoulder[:, None] - tips[None]
-    gaps[..., 2] = np.clip(tips[None, :, 2], low, high) - tips[None, :, 2]
-    away = np.linalg.norm(gaps, axis=2) / arm.reach
-    reached = np.logical_and.accumulate(away < 1.0, axis=1)
-    strain = np.where(reached, np.abs(away - 0.65), 0.0).max(axis=1)
-    return np.asarray(reached.sum(axis=1)), strain
 
 
 def _lifted(scene: PlanningScene, arm: ArmModel) -> Chain:

@@ -8,7 +8,7 @@ import pytest
 
 from executive.robots import CARRYING
 from planlang import perform
-from planlang.designators import a_location, a_posture, action, an_object
+from planlang.designators import a_device, a_location, a_posture, action, an_object
 from planlang.failures import ActionUnresolvable, GraspMissed
 from planlang.geometry import Pose
 from planlang.language.process_module import process_module
@@ -29,8 +29,8 @@ def stage(make_stage: MakeStage) -> Stage:
     return stage
 
 
-def around(stage: Stage, what: object, *steps: object) -> None:
-    """Perform steps inside an action about an object."""
+def around(stage: Stage, what: object, *steps: object, device: object = None) -> None:
+    """Perform steps inside an action about an object, and with a device."""
 
     @process_module
     class Doing:
@@ -46,7 +46,8 @@ def around(stage: Stage, what: object, *steps: object) -> None:
                 await perform(step)  # type: ignore[arg-type]
 
     stage.executive.modules = (Doing(), *stage.executive.modules)  # type: ignore[assignment, call-arg]
-    stage.run(lambda: perform(action("PurposefulAction", object_acted_on=what)))  # type: ignore[arg-type]
+    used = {} if device is None else {"device_used": device}
+    stage.run(lambda: perform(action("PurposefulAction", object_acted_on=what, **used)))  # type: ignore[arg-type]
 
 
 def test_opening_opens_the_empty_hand(stage: Stage) -> None:
@@ -102,6 +103,29 @@ def test_parking_in_an_action_about_an_object_moves_the_hand_with_it(stage: Stag
     about = action("Reaching", object_acted_on=THE_OTHER, to_location=a_posture(CARRYING))
     assert modules["arm"].resources(about)[0] == "right"
     assert modules["arm"].resources(PARK)[0] == "left", "without an object, the hand that was used last"
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_steps_are_done_with_the_hand_of_the_action_around_them(make_stage: MakeStage, side: str) -> None:
+    stage = make_stage(CABINET, BOTTLE)
+    fingers = {one: dict(stage.platform.robot.arm(one).gripper.opened) for one in ("left", "right")}  # type: ignore[union-attr]
+    before = stage.truth.configuration().joints
+    around(stage, THE_BOTTLE, OPEN, device=a_device(f"{side.title()}Arm"))
+    after = stage.truth.configuration().joints
+    moved = [one for one, joints in fingers.items() if any(abs(after[name] - before[name]) > 0.01 for name in joints)]
+    assert moved == [side]
+
+
+def test_a_tool_leaves_open_which_hand_is_used(stage: Stage) -> None:
+    around(stage, THE_OTHER, OPEN, device=an_object("Sponge"))
+    assert held_by(stage.truth, "bottle") == "robot"
+
+
+def test_after_its_thing_has_left_the_hand_a_posture_is_taken_by_the_arm_that_had_it(stage: Stage) -> None:
+    stage.platform.arms.choices.choose("right")
+    modules = {module.name: module for module in stage.executive.modules}
+    about = action("Reaching", object_acted_on=THE_OTHER, to_location=a_posture(CARRYING))
+    assert modules["arm"].resources(about)[0] == "right", "not by the left one, although that holds the bottle"
 
 
 def test_of_two_held_things_the_named_one_is_put_down(stage: Stage) -> None:
