@@ -6,6 +6,7 @@ A change in JSON is ``{"thing": "cup1", "property": "translation", "value": [1.3
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -54,11 +55,15 @@ class Change:
 def _value(what: str, value: object) -> Value:
     if what == ABSENT and value is True:
         return True
-    if isinstance(value, list) and len(value) == LENGTHS.get(what) and all(type(one) in (int, float) for one in value):
+    if isinstance(value, list) and len(value) == LENGTHS.get(what) and all(map(_is_number, value)):
         return tuple(map(float, value))
-    if what == POSITION and type(value) in (int, float):
+    if what == POSITION and _is_number(value):
         return float(value)  # type: ignore[arg-type]
     raise ValueError(f"{value!r} is no value of {what}")
+
+
+def _is_number(value: object) -> bool:
+    return type(value) in (int, float) and abs(value) <= sys.float_info.max  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,11 +16,13 @@ from executive.belief.planning_scene import PlanningScene
 from executive.locations.reachability import CELL
 from executive.locations.rejections import Rejections
 from executive.motion import clearance_at
+from executive.robots import CARRYING
 from executive.robots.arms import called
 from planlang.advice import ABSENT, POSITION, START, TRANSLATION, Advice, Change
 from planlang.designators import Action, action
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Block
+from planlang.protocols import Configuration
 from planlang.state import WorldState
 from sim.joints import Articulation, JointKind
 
@@ -52,7 +54,6 @@ FURTHER = 0.9
 DIGITS = 6
 """Decimal places of what a change states [m, rad]."""
 OPEN, CLOSE = "OpeningAContainerArtifact", "ClosingAContainerArtifact"
-SET_ASIDE = "SettingAsideAnObject"
 
 IsFeasible = Callable[[PlanningScene], bool]
 """Check whether a scene, which is supposed, has a base pose."""
@@ -133,11 +134,9 @@ class Changes:
         """
         return self._started() or self._once_left() or self.nearer() or self._without() or self._let_down()
 
-    def by_the_robot(self, once_moved: IsFeasible, *, grasps: bool = False) -> tuple[Action | None, Advice | None]:
-        """Find an action of the robot that helps, and its advice; None and None if there is none.
-
-        It closes what is open near the thing, opens it further, or puts down what the hand holds that would reach it:
-        that only if the hand ``grasps`` the thing.
+    def by_the_robot(self, once_moved: IsFeasible) -> tuple[Action | None, Advice | None]:
+        """Find an action of the robot that helps, and its advice: to close what is open near the thing, or to open it
+        further; None and None if neither does.
         """
         for joint, value in self._leaves_near():
             name, now = joint.leaf, self.scene.belief.joint(joint.leaf)
@@ -151,20 +150,28 @@ class Changes:
                 opening = action(OPEN, object_acted_on=what, all_the_way=True)
                 wide = f"{_measure(joint, value)} instead of {_measure(joint, now)}"
                 return opening, Advice(f"with {name} open by {wide}, {self.body} could be reached", moved)
-        return self._with_an_empty_hand(once_moved) if grasps else (None, None)
+        return None, None
 
-    def _with_an_empty_hand(self, once_moved: IsFeasible) -> tuple[Action | None, Advice | None]:
-        """Find a held thing that has to be put down because only the hand that holds it reaches the other thing."""
+    def in_order(self, once_emptied: IsFeasible) -> Advice | None:
+        """Find out whether the thing is reached by a hand that holds another, which is then to be fetched after it."""
         state = self.scene.belief.state
         for name, grip in state.held.items():
             others = {other: one for other, one in state.held.items() if other != name}
-            gone = replace(state.placed({name: None}), held=others)
+            gone = replace(self._tucked(grip.arm).placed({name: None}), held=others)
             is_other = name not in self._needed and len(grip.arms) == 1
-            if is_other and once_moved(self.scene.supposing(gone)):
-                down = action(SET_ASIDE, object_acted_on=self.scene.bodies.designator(name))
+            if is_other and once_emptied(self.scene.supposing(gone)):
                 only = f"only {called(grip.arm)}, which holds {name}, reaches {self.body}"
-                return down, Advice(f"{only}: fetch {self.body} before {name}", ())
-        return None, None
+                return Advice(f"{only}: fetch {self.body} before {name}", ())
+        return None
+
+    def _tucked(self, arm: str) -> WorldState:
+        """Suppose the state in which an arm, but for the torso, is in the carrying posture."""
+        scene, now = self.scene, self.scene.world.configuration()
+        model, posture = next(one for one in scene.arms.all if one.name == arm), scene.robot.postures.get(CARRYING, {})
+        torso = None if model.lift is None else model.lift.joint
+        joints = {name: posture[name] for name in model.joints if name in posture and name != torso}
+        there = Configuration(now.base, {**now.joints, **joints})
+        return scene.belief.state.with_robot(scene.belief.robot, there)
 
     def _leaves_near(self) -> Iterator[tuple[Articulation, float]]:
         """Yield open doors and drawers near the thing, most in the way first, with values to which to move them."""

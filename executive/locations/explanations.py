@@ -57,11 +57,13 @@ def explain_bases(
     question: Question,
     is_feasible: IsFeasible | None,
     once_moved: IsFeasible | None = None,
+    once_emptied: IsFeasible | None = None,
     needed: Collection[str] = (),
 ) -> None:
     """Add to the log's figures what was measured about the decisive reason, and what would help.
 
-    ``is_feasible`` and ``once_moved`` are asked about changes of the map, and about doors that the robot moves itself.
+    ``is_feasible`` and ``once_moved`` are asked about changes of the map, and about doors that the robot moves itself,
+    ``once_emptied`` about hands that are full.
     The ``needed`` bodies are part of the location or the plan: leaving them out helps nobody.
     """
     log = question.log
@@ -87,8 +89,9 @@ def explain_bases(
         if closing := explanation.closing() if reason == NO_WAY else ():
             advice = changes.without_one_of(closing)
         else:
-            grasps = wanted[0].kind is ReachKind.GRASP
-            log.first, advice = changes.by_the_robot(once_moved or is_feasible, grasps=grasps)
+            log.first, advice = changes.by_the_robot(once_moved or is_feasible)
+            if advice is None and once_emptied is not None and wanted[0].kind is ReachKind.GRASP:
+                advice = changes.in_order(once_emptied)
             advice = advice or changes.helping()
         helping = changes.none_found() if advice is None else advice.sentence
         log.changes = () if advice is None else advice.changes

@@ -187,8 +187,11 @@ class Resolver:
         meant = bodies_meant(location, actions_around(), scene)
         own = Findings(Allowance(EASY_CHECKS, EASY_SOLVED), walled=question.known.walled)
         once_moved = None if found else partial(self._is_feasible, location, own)
+        # what the hand would reach may be looked at from elsewhere
+        emptied = Findings(Allowance(EASY_CHECKS, EASY_SOLVED), walled=question.known.walled)
+        once_emptied = None if found else partial(self._is_feasible, location, emptied, blind=True)
         arms, wanted = validator.arms(demand), validator.wanted(demand)
-        explain_bases(wanted, arms, scene, self.maps, question, is_feasible, once_moved, meant)
+        explain_bases(wanted, arms, scene, self.maps, question, is_feasible, once_moved, once_emptied, meant)
         raise question.log.failure(location, after=len(found))
 
     def _check_way(self, location: Location, demand: BaseDemand, log: Rejections) -> None:
@@ -212,15 +215,16 @@ class Resolver:
             watcher(location, log)
         return Question(log)
 
-    def _is_feasible(self, location: Location, common: Findings, scene: PlanningScene) -> bool:
-        """Check quickly whether a location has a base pose in a scene that is supposed.
+    def _is_feasible(self, location: Location, common: Findings, scene: PlanningScene, *, blind: bool = False) -> bool:
+        """Check quickly whether a location has a base pose in a scene that is supposed; ``blind``: without sight.
 
         ``common`` has what all these searches share: exact checks that are left, and whether the floor is walled.
         """
         if common.allowance.is_spent:
             return False
         demand = base_demand(location, scene, self._viewer(location))
-        return _has_base(self.supposing(scene)._validator, demand, common)
+        validator = self.supposing(scene)._validator
+        return _has_base(validator, (validator.blind(demand) if blind else None) or demand, common)
 
     def waits_for(self, location: Location) -> tuple[str, ...]:
         """Name what drives by itself and keeps the base from a location where it stands now; empty for other reasons.
@@ -421,7 +425,7 @@ class Resolver:
 
 def _has_base(validator: BaseValidator, demand: BaseDemand, common: Findings) -> bool:
     """Check quickly whether demands have a base pose."""
-    tried = Question(known=Findings(common.allowance, walled=common.walled))
+    tried = Question(known=Findings(common.allowance, walled=common.walled, untried=True))
     with closing(search_bases(validator, demand, tried, [], most=EASY)) as found:
         return next(found, None) is not None
 

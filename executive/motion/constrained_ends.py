@@ -215,6 +215,12 @@ class Ends:
                 whole = self._optimum(rows[1:], every)
                 yield self._by_phase(whole.q if whole.holds else rows[1:])
 
+    def near(self, q: Array) -> Iterator[dict[int, Array]]:
+        """Yield ends (n,) of phases, by number, optimised from guesses (m, n), one for each; nothing if they fail."""
+        optimum = self._optimum(q, list(self.phases.items()))
+        if optimum.holds:
+            yield self._by_phase(optimum.q)
+
     def rounded(self, q: Array) -> Array:
         """Optimise ends (m, n) of a closed sequence of phases for less time between them.
 

@@ -166,10 +166,13 @@ class Way:
 
         Raises NoConstrainedPath.
         """
-        attempts = [self._checked(rows, timing) for timing in (time_curve, time_path)]
-        if trajectories := [timed for timed, _ in attempts if timed is not None]:
-            return min(trajectories, key=lambda timed: len(timed.positions))
-        objection = next((hits[0][1] for _, hits in reversed(attempts) if hits), ())
+        objection: Sequence[tuple[str, str]] = ()
+        timed = [self._in_time(rows, timing) for timing in (time_curve, time_path)]
+        for one in sorted(timed, key=lambda one: len(one.positions)):
+            hits = self._hits(one)
+            if hits is not None and not hits:
+                return one
+            objection = hits[0][1] if hits else objection
         raise NoConstrainedPath(self.phase, self._of(self.kept), objection)
 
     def _of(self, numbers: Sequence[int]) -> list[MotionConstraint]:
@@ -241,10 +244,12 @@ class Way:
     def _checked(self, waypoints: Array, timing: Callable[..., Trajectory]) -> tuple[Trajectory | None, Hits]:
         """Time waypoints (m, n), ends included, and check the motion: None, and what touches, if it is invalid."""
         timed = self._in_time(waypoints, timing)
-        if not self._keeps(timed.positions):
-            return None, []
-        hits = self.problem.hits(timed.positions[1:-1])
-        return (None if hits else timed), hits
+        hits = self._hits(timed)
+        return (timed if hits is not None and not hits else None), hits or []
+
+    def _hits(self, timed: Trajectory) -> Hits | None:
+        """Find exact collisions of a timed motion; None if it leaves joint limits or constraints."""
+        return self.problem.hits(timed.positions[1:-1]) if self._keeps(timed.positions) else None
 
     def _keeps(self, rows: Array) -> bool:
         """Check that rows (m, n) respect joint limits and the constraints that hold throughout."""

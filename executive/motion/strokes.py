@@ -39,18 +39,19 @@ def solve_stroke(
     kept: Collection[MotionConstraint],
     *,
     closed: bool,
+    guess: Array | None = None,
 ) -> tuple[Trajectory, Trajectory]:
     """Plan the motion from joint values (n,) to the first place, and that through all, if closed back to the first.
 
-    ``kept`` holds throughout the second; ``to_first`` is the same problem with stricter collision rules. Raises
-    :class:`ConstraintsContradict`, :class:`NoConstrainedPath`, and :class:`MotionError` for unknown features, tools or
-    frames.
+    ``kept`` holds throughout the second; ``to_first`` is the same problem with stricter collision rules. ``guess``
+    (m, n): joint values near those at the places, the only ones to begin with. Raises :class:`ConstraintsContradict`,
+    :class:`NoConstrainedPath`, and :class:`MotionError` for unknown features, tools or frames.
     """
-    ends = ends_at(problem, start, places)
+    ends = ends_at(problem, start if guess is None else guess[0], places)  # a slow torso stays as guessed
     bounds = ends.functions.bounds
     kept_numbers = [number for number, bound in enumerate(bounds) if bound.constraint in kept]
     all_numbers, failures = range(len(bounds)), []
-    for configurations in islice(ends.along(), MOST_ENDS):
+    for configurations in islice(ends.along() if guess is None else ends.near(guess), MOST_ENDS):
         rows = np.array(list(configurations.values()))
         if closed:
             rows = ends.rounded(rows)

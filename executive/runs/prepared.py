@@ -151,7 +151,7 @@ def _changes(file: Path | None) -> tuple[Change, ...]:
         return ()
     try:
         return changes_in(json.loads(decode(read_file(file), str(file))))
-    except ValueError as problem:
+    except (ValueError, RecursionError) as problem:
         advice = Text("write the JSON of a failed run into it: ", Option("json", True))
         raise BadInput([error("C025", f"no changes to apply: {problem}", Span(str(file)), advice)]) from None
 

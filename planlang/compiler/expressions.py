@@ -41,19 +41,8 @@ from planlang.recoveries import registered_strategies
 PLANLANG = frozenset(
     (
         *("Any", "Condition", "Fluent", "Recovery", "a_constraint", "a_feature", "achieve", "action", "action_class"),
-        *(
-            "at_location",
-            "give_turn",
-            "given",
-            "holding",
-            "par",
-            "partial",
-            "partial_order",
-            "perform",
-            "plan",
-            "state_machine",
-        ),
-        *("try_in_order", "using", "wait_for", "with_failure_handling"),
+        *("at_location", "give_turn", "given", "holding", "par", "partial", "partial_order", "perform", "plan"),
+        *("state_machine", "try_in_order", "using", "wait_for", "with_failure_handling"),
     )
 )
 """Names that a plan may import, besides designators, failures and recovery strategies."""

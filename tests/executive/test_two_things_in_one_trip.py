@@ -35,7 +35,7 @@ def happened(trace: Path) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("robot", "seconds"), [pytest.param("amigo.omn", 145, id="amigo"), pytest.param("pr2.toml", 200, id="pr2")]
+    ("robot", "seconds"), [pytest.param("amigo.omn", 160, id="amigo"), pytest.param("pr2.toml", 215, id="pr2")]
 )
 def test_two_things_are_fetched_before_one_is_brought(robot: str, seconds: float, tmp_path: Path) -> None:
     """One after the other they take Amigo 172 s, and PR2 220 s."""

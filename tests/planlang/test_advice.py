@@ -32,6 +32,8 @@ def test_a_change_is_read_as_it_was_written(change: Change) -> None:
         {"thing": "cup1", "property": "translation", "value": "1 2 3"},
         {"thing": "cup1", "property": "absent", "value": False},
         {"thing": "door1", "property": "jointPosition", "value": True},
+       {"thing": "door1", "property": "jointPosition", "value": float("nan")},
+       {"thing": "cup1", "property": "translation", "value": [10**400, 0, 0]},
         {"thing": "cup1", "property": "mass", "value": 1.0},
         {"option": "force", "value": True},
         "cup1",

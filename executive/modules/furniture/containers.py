@@ -194,7 +194,9 @@ class LeafWork(HandWork):
         if path is None:
             return True
         state = at_rest(self.platform.scene, self._moved(path.values[-1]), path.base)
-        return self.platform.ahead.gets_away(state) and self._is_wide_enough(state)
+        # a drawer that is out covers nothing; a door that is wide open may still be in the way
+        is_out = self._joint.kind is JointKind.PRISMATIC and path.values[-1] > AT_ITS_END * self._joint.upper
+        return self.platform.ahead.gets_away(state) and (is_out or self._is_wide_enough(state))
 
     def _moved(self, value: float) -> WorldState:
         return self.platform.scene.belief.with_leaf(self._joint.leaf, float(value))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
+from executive.locations.hand_solutions import base_matrices
 from executive.robots.arms import ArmModel
 from executive.robots.openings import ROOM, TIGHT, Fingers
 from planlang.geometry import Array
@@ -200,6 +201,21 @@ def on_side_of_handle(scene: PlanningScene, joint: Articulation, bases: Array) -
     """Mark the base poses (m, 3) that are on the side of a leaf where its handle is."""
     leaf = np.array(scene.bodies.pose(joint.leaf).position)
     return np.asarray((bases[:, :2] - leaf[:2]) @ outwards_of(scene, joint)[:2] > 0)
+
+
+def within_reach(arm: ArmModel, bases: Array, tips: Array) -> tuple[NDArray[np.intp], Array]:
+    """Count the leading positions of a tip (n, 3) that are within an arm's length from base poses (m, 3).
+
+    Also returns the largest deviation of the distance from the comfortable 0.65 of the reach (m,).
+    """
+    shoulder = moved(base_matrices(bases), (arm.shoulder_low + arm.shoulder_high) / 2)
+    low, high = arm.shoulder_low[2], arm.shoulder_high[2]
+    gaps = shoulder[:, None] - tips[None]
+    gaps[..., 2] = np.clip(tips[None, :, 2], low, high) - tips[None, :, 2]
+    away = np.linalg.norm(gaps, axis=2) / arm.reach
+    reached = np.logical_and.accumulate(away < 1.0, axis=1)
+    strain = np.where(reached, np.abs(away - 0.65), 0.0).max(axis=1)
+    return np.asarray(reached.sum(axis=1)), strain
 
 
 def shut_out(scene: PlanningScene, joint: Articulation, home: Sequence[float], bases: Array) -> NDArray[np.bool_]:

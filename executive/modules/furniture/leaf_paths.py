@@ -21,7 +21,7 @@ from executive.locations.explanations import height_of
 from executive.locations.hand_solutions import base_matrices
 from executive.locations.rejections import COLLISION, NO_ROOM, NO_WAY, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.locations.standing import Standing
-from executive.modules.furniture.leaf_grips import LAGS, Grips, grips_of, on_side_of_handle, shut_out
+from executive.modules.furniture.leaf_grips import LAGS, Grips, grips_of, on_side_of_handle, shut_out, within_reach
 from executive.motion import Chain, cartesian_path
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
@@ -137,10 +137,7 @@ class LeafPaths:
         return sorted(by, key=lambda one: not on_side_of_handle(scene, one, here)[0]) if len(by) > 1 else by
 
     def is_reached(self, scene: PlanningScene) -> bool:
-        """Check whether an arm would reach the handle from a free base pose in a scene that is supposed.
-
-        Ignores collisions of the arm.
-        """
+        """Check whether an arm, whose collisions are ignored, reaches the handle from a free base pose of a scene."""
         hypothetical = LeafPaths(scene, self._joint)  # its own counts: these candidates were not really tried
         for by, arm in ((by, arm) for by in self._by_handles() for arm in self._tried):
             grips = grips_of(scene, arm, by)
@@ -164,14 +161,13 @@ class LeafPaths:
 
     def failure(self) -> LocationUnresolvable:
         """Build the failure of a search that found nothing, with the likeliest reason and its figures."""
-        rejected, joint = self.rejected, self._joint
         self.poses.name_crowding()
-        counts, handle = rejected.ordered(), str(joint.handle)
+        rejected, handle, counts = self.rejected, str(self._joint.handle), self.rejected.ordered()
         rejected.first, advice = self._once_closed()
         figures = "" if advice is None else advice.sentence
         if not figures and set(counts) == {NO_GRIP}:
-            body = next(iter(rejected.ordered_blocking()))
-            figures = f"in each of the {counts[NO_GRIP]} grips checked, the hand is in collision, mostly with {body}"
+            figures = f"in each of the {counts[NO_GRIP]} grips checked, the hand is in collision, mostly with "
+            figures += next(iter(rejected.ordered_blocking()))
         elif not figures and counts.get(COLLISION):
             bodies = ", ".join(islice(rejected.ordered_blocking(), MOST_NAMED))
             figures = f"{counts[COLLISION]} postures with a hand at it are in collision, mostly with {bodies}"
@@ -182,26 +178,22 @@ class LeafPaths:
             figures = "; ".join(filter(None, (height, changes.none_found()))) if advice is None else advice.sentence
         rejected.changes = () if advice is None else advice.changes
         rejected.figures = {next(iter(counts), ""): figures} if figures else {}
-        return rejected.failure(f"the base with a hand at {handle} as {joint.leaf} moves")
+        return rejected.failure(f"the base with a hand at {handle} as {self._joint.leaf} moves")
 
     def _once_closed(self) -> tuple[Action | None, Advice | None]:
-        """Find the door or drawer in the way that is open and with which closed there is a path; None if none.
-
-        The action closes it.
-        """
-        belief, blocking = self._scene.belief, self.rejected.ordered_blocking()
-        others = [leaf for leaf, one in belief.joints.items() if leaf != self._joint.leaf and belief.is_left_open(leaf)]
-        counts = {leaf: sum(blocking.get(name, 0) for name in belief.joints[leaf].bodies) for leaf in others}
-        leaf = max(others, key=lambda one: counts[one], default=None)
+        """Find an open door or drawer with which closed there is a path, and the action that closes it; else None."""
+        belief, blocking, own = self._scene.belief, self.rejected.ordered_blocking(), self._joint.leaf
+        others = [one for one in belief.joints.values() if one.leaf != own and belief.is_left_open(one.leaf)]
+        counts = {one.leaf: sum(blocking.get(name, 0) for name in one.bodies) for one in others}
+        leaf = max(counts, key=lambda one: counts[one], default=None)
         if leaf is None or not counts[leaf] or not self._tried:
             return None, None
         once = LeafPaths(self._scene.supposing(belief.with_leaf(leaf, 0.0)), self._joint)
         paths = once.towards(float(self._values[-1]), self._tried, float(self._values[self._enough - 1]))
-        if not any(path is not None for path in paths):
+        if all(path is None for path in paths):
             return None, None
-        closing = action(CLOSE, object_acted_on=self._scene.bodies.designator(leaf))
-        said = f"with {leaf} closed, a hand could move {self._joint.leaf}"
-        return closing, Advice(said, leaf_moved(belief.joints[leaf], 0.0))
+        advice = Advice(f"with {leaf} closed, a hand could move {own}", leaf_moved(belief.joints[leaf], 0.0))
+        return action(CLOSE, object_acted_on=self._scene.bodies.designator(leaf)), advice
 
     # One arm
 
@@ -265,7 +257,7 @@ class LeafPaths:
         if joint.frame:
             here = on_side_of_handle(self._scene, joint, bases)
             bases, coarse = bases[here], coarse[here]
-        reached, strain = _within_reach(arm, bases, tips)
+        reached, strain = within_reach(arm, bases, tips)
         kept = reached > 1
         self.rejected.add(OUT_OF_REACH.text, 0 if kept.any() else len(kept))
         kept[kept] = self.poses.free(bases[kept], -strain[kept])
@@ -314,21 +306,6 @@ def _whole_first(paths: Iterator[LeafPath | None], count: int) -> Iterator[LeafP
             yield path
         else:
             others.append(path)
-
-
-def _within_reach(arm: ArmModel, bases: Array, tips: Array) -> tuple[NDArray[np.intp], Array]:
-    """Count the leading positions of a tip (n, 3) that are within an arm's length from base poses (m, 3).
-
-    Also returns the largest deviation of the distance from the comfortable 0.65 of the reach (m,).
-    """
-    shoulder = moved(base_matrices(bases), (arm.shoulder_low + arm.shoulder_high) / 2)
-    low, high = arm.shoulder_low[2], arm.shoulder_high[2]
-    gaps = shoulder[:, None] - tips[None]
-    gaps[..., 2] = np.clip(tips[None, :, 2], low, high) - tips[None, :, 2]
-    away = np.linalg.norm(gaps, axis=2) / arm.reach
-    reached = np.logical_and.accumulate(away < 1.0, axis=1)
-    strain = np.where(reached, np.abs(away - 0.65), 0.0).max(axis=1)
-    return np.asarray(reached.sum(axis=1)), strain
 
 
 def _lifted(scene: PlanningScene, arm: ArmModel) -> Chain:

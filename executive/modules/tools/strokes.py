@@ -62,6 +62,10 @@ FEW = 10
 """Starts of the solver for checking reach without collisions."""
 
 
+Planned = tuple[GroundedMotion, Trajectory, Trajectory]
+"""Motion of a stroke: to its first place, and through all."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Plane:
     """Plane of a stroke, given by the constraint on the tool's height over it."""
@@ -125,10 +129,8 @@ class StrokeWork(ConstrainedWork):
 
     # The stroke
 
-    async def stroke(
-        self, grounding: Grounding, plane: Plane, points: Array, *, closed: bool, drives: bool = True
-    ) -> Trajectory:
-        """Move the tool to the first of waypoints (n, 4), if needed and allowed from another base pose.
+    async def stroke(self, grounding: Grounding, plane: Plane, points: Array, *, closed: bool) -> Trajectory:
+        """Move the tool to the first of waypoints (n, 4), if needed from another base pose.
 
         Returns the trajectory through all waypoints, which is yet to be executed. Raises ConstraintsUnsatisfied or a
         NavigationFailure.
@@ -137,27 +139,39 @@ class StrokeWork(ConstrainedWork):
 
         def places() -> Iterator[BasePose]:
             yield here
-            if drives:
-                yield from self._reaching(grounding, plane, points)
+            yield from self._reaching(grounding, plane, points)
 
         async def approach(base: BasePose) -> None:
             if base != here:
                 await self.drive_with_room(base)
                 await self._look(grounding)
 
-        async def solved(_: BasePose) -> tuple[GroundedMotion, Trajectory, Trajectory]:
-            motion = grounding.grounded()
-            waypoints = [plane.at(point, motion.constraints) for point in points]
-            kept = [one for one in waypoints[0] if all(one in other for other in waypoints)]
-            problems = grounding.problem(motion, clear=True), grounding.problem(motion)
-            solve = partial(solve_stroke, *problems, self._start(motion), waypoints)
-            try:
-                return motion, *await compute_in_thread(partial(solve, kept, closed=closed))
-            except MotionError as problem:
-                raise unsatisfied(motion, problem) from problem
+        async def solved(_: BasePose) -> Planned:
+            return await self.planned_stroke(grounding, plane, points, closed=closed)
 
         failures = (ConstraintsUnsatisfied, NavigationFailure)
-        motion, first, lap = await Skill(places, solved, approach, failures=failures).run()
+        return await self.begin_stroke(await Skill(places, solved, approach, failures=failures).run())
+
+    async def planned_stroke(
+        self, grounding: Grounding, plane: Plane, points: Array, guess: Array | None = None, *, closed: bool
+    ) -> Planned:
+        """Plan a stroke through waypoints (n, 4) from here, with joint positions (n, d) as a guess, if there is one.
+
+        Raises ConstraintsUnsatisfied.
+        """
+        motion = grounding.grounded()
+        waypoints = [plane.at(point, motion.constraints) for point in points]
+        kept = [one for one in waypoints[0] if all(one in other for other in waypoints)]
+        problems = grounding.problem(motion, clear=True), grounding.problem(motion)
+        solve = partial(solve_stroke, *problems, self._start(motion), waypoints, kept, closed=closed, guess=guess)
+        try:
+            return motion, *await compute_in_thread(solve)
+        except MotionError as problem:
+            raise unsatisfied(motion, problem) from problem
+
+    async def begin_stroke(self, planned: Planned) -> Trajectory:
+        """Move the tool to the beginning of a stroke; return the trajectory of the stroke itself."""
+        motion, first, lap = planned
         arms = {arm.name for arm in motion.arms}
         self.platform.leaning |= {name for name, grip in self.platform.belief.held.items() if grip.arm in arms}
         await self.gone(motion, first)

@@ -94,14 +94,10 @@ def test_what_only_a_full_hand_reaches_is_to_be_fetched_before_what_the_hand_hol
     stage = make_stage(CABINET, BOTTLE, replace(BOTTLE, name="can", iri=None, pose=Pose((0.0, 2.0, 0.1))))
     hold_bottle(stage, name="can")
     scene = stage.platform.scene
-    changes = Changes("bottle", scene, Rejections(), lambda _: False)
-    first, why = changes.by_the_robot(lambda supposed: not supposed.belief.held, grasps=True)
-    assert first == action("SettingAsideAnObject", object_acted_on=scene.bodies.designator("can"))
-    assert why is not None
+    why = Changes("bottle", scene, Rejections(), lambda _: False).in_order(lambda supposed: not supposed.belief.held)
     assert str(why) == "only the right arm, which holds can, reaches bottle: fetch bottle before can"
-    assert changes.by_the_robot(lambda _: False, grasps=True) == (None, None)
     needed = Changes("bottle", scene, Rejections(), lambda _: False, needed={"can"})
-    assert needed.by_the_robot(lambda _: pytest.fail("without the can nothing is asked"), grasps=True) == (None, None)
+    assert needed.in_order(lambda _: pytest.fail("nothing asks without the can")) is None
 
 
 def test_a_relation_that_no_place_meets_is_named_instead_of_changes_that_are_no_use(make_stage: MakeStage) -> None:

@@ -63,11 +63,13 @@ def test_all_that_is_free_between_things_is_wiped_though_it_is_narrow(make_stage
 
 
 @pytest.mark.long
-def test_lanes_that_no_posture_reaches_do_not_keep_the_others_from_being_wiped() -> None:
-    """The lanes at the wall come first, and the PR2's arm has no room there."""
+@pytest.mark.parametrize("name", ["pr2", "panda"])
+def test_a_table_at_a_wall_is_wiped_from_base_poses_that_reach_many_lanes(name: str) -> None:
+    """Once the lanes at the wall came first, where the arm has no room, and nothing was wiped."""
     folder = Path(__file__).parents[2] / "strangers" / "wipe_side_table"
-    skip_without_pr2("pr2")
+    skip_without_pr2(name)
     home = folder / "home_pr2_4811_004.omn"
-    robot = bundled("ontologies") / "robots" / "pr2.toml"
-    result = run_plan_file(RunOptions(recipe=home.with_suffix(".r.omn"), robot=robot, environment=home))
+    robot = bundled("ontologies") / "robots" / f"{name}.toml"
+    options = RunOptions(recipe=home.with_suffix(".r.omn"), robot=robot, environment=home, trust_map=name == "panda")
+    result = run_plan_file(options)
     assert result.outcome is Outcome.DONE, result.message

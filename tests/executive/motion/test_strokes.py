@@ -10,7 +10,7 @@ from constraint_problems import Arms, arms_of, at
 
 from executive.motion.constrained_ends import MotionProblem
 from executive.motion.errors import ConstraintsContradict
-from executive.motion.strokes import solve_stroke
+from executive.motion.strokes import ends_at, solve_stroke
 from planlang.designators import an_object
 from planlang.motion_constraints import MotionConstraint, a_constraint, a_feature
 from tests.support.examples import some
@@ -55,6 +55,16 @@ def test_a_stroke_goes_through_all_places_and_keeps_what_holds_at_each(name: str
     for turn in TURNS:
         there = 0.06 * np.array([np.cos(turn), np.sin(turn)])
         assert np.linalg.norm(way - there, axis=1).min() <= STRAY + 0.001
+
+
+def test_a_stroke_begins_near_joint_values_that_are_known_to_reach_its_places() -> None:
+    robot, problem = holding_a_cup("amigo")
+    start, places = np.mean(robot.group.bounds, axis=0), [at_place(0.02 * k, 0.0) for k in range(4)]
+    known = np.array(list(next(ends_at(problem, start, places).along()).values()))
+    first, lap = solve_stroke(problem, problem, start, places[::-1], [UPRIGHT, LOW], closed=False, guess=known[::-1])
+    assert np.array_equal(first.positions[0], start)
+    assert np.abs(lap.positions[0] - known[-1]).max() < 0.1
+    assert max(robot.worst(problem, [UPRIGHT, LOW], row) for row in lap.positions[::6]) <= 1.0
 
 
 def test_a_stroke_beyond_reach_is_refused() -> None:

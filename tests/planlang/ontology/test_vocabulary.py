@@ -222,6 +222,7 @@ def test_every_recovery_is_complete_and_of_declared_strategies_and_failures(voca
         "lookElsewhere",
         "openFirst",
         "openFirstToPut",
+        "openOnTheWay",
         "nextPlace",
         "lookAndGraspAgain",
         "fetchAgain",
