@@ -231,7 +231,7 @@ async def give_turn() -> bool:
 
 async def _gave_turn(to: Giving) -> bool:
     lease, (scheduler, task) = holding(), here()
-    if lease is None or not lease.in_turns or lease.task is not task or (to is Giving.AHEAD and lease.gave):
+    if lease is None or lease.task is not task or (to is Giving.AHEAD and (lease.gave or not lease.in_turns)):
         return False
     arbiter, executive = scheduler.service(Arbiter), current.get()
     other = arbiter.next_after(lease, to)
@@ -246,7 +246,7 @@ async def _gave_turn(to: Giving) -> bool:
 def goes_first() -> bool:
     """Check whether the block around this goes before one that gave it its turn, with a thing in its hand."""
     lease, (scheduler, task) = holding(), here()
-    if lease is None or not lease.in_turns or lease.task is not task:
+    if lease is None or lease.task is not task:
         return False
     return scheduler.service(Arbiter).next_after(lease, Giving.BACK) is not None
 

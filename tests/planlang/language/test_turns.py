@@ -140,7 +140,7 @@ def test_a_suspended_step_gets_no_turn() -> None:
     assert log == ["a fetches at 0", "a brings at 1", "b fetches at 3.5", "b brings at 4.5"]
 
 
-def fetch_two(*recoveries: Recovery, until: Condition | None = None) -> Awaitable[Any]:
+def fetch_two(*recoveries: Recovery, until: Condition | None = None, in_turns: bool = True) -> Awaitable[Any]:
     """Two steps: one fetches a cup, the other needs the hand that holds it until the cup is brought."""
     free = {"hands": 1}
     why = None if until is None else ManipulationPoseUnreachable(what="plate1")
@@ -158,16 +158,19 @@ def fetch_two(*recoveries: Recovery, until: Condition | None = None) -> Awaitabl
         await perform(action("GraspingSomething", object_acted_on=PLATE))
 
     async def fetch_plate() -> None:
-        async with using("base", in_turns=True):
+        async with using("base", in_turns=in_turns):
             taking = action("http://example.org/#Taking", object_acted_on=PLATE)
             await perform(taking, otherwise=take_plate, until=until, recoveries=recoveries)
 
     return par(fetch_cup, fetch_plate)
 
 
+@pytest.mark.parametrize("in_turns", [True, False])
 @pytest.mark.parametrize("recoveries", [(), (Recovery(HandsFull, put_down_and_regrasp(PLATE)),)])
-def test_a_step_without_a_hand_lets_the_one_go_on_that_has_it_in_use(recoveries: tuple[Recovery, ...]) -> None:
-    two, script = partial(fetch_two, *recoveries), Script().performs("GraspingSomething")
+def test_a_step_without_a_hand_lets_the_one_go_on_that_has_it_in_use(
+    recoveries: tuple[Recovery, ...], in_turns: bool
+) -> None:
+    two, script = partial(fetch_two, *recoveries, in_turns=in_turns), Script().performs("GraspingSomething")
     assert run_plan(two, script=script).failure is None
     assert explore(two, script=script, check=lambda run: run.value).complete
 
