@@ -38,7 +38,7 @@ from planlang.language.executive import executive_for
 from planlang.language.location import AGAIN, at_location, make_room
 from planlang.language.performing import perform
 from planlang.language.recovery import PROPAGATE, RETRY, Do, Recovery, RecoveryResult, Return, retry
-from planlang.language.resources import hand_freed
+from planlang.language.resources import goes_first, hand_freed
 from planlang.misuse import Usage, written
 from planlang.records import dataclass
 
@@ -218,7 +218,8 @@ def open_what_is_in_the_way(what: Object) -> Do:
     """Open the closed door or drawer that hides the object, or the doors on the way to it, then run the body again.
 
     If the search for places has found that there is one once something else was done, such as closing a drawer that is
-    open before it, or opening a door further, that is done first. What was opened stays open: the plan may want the
+    open before it, or opening a door further, that is done first. If no hand is free to open it, what a concurrent step
+    waits with in its hand is put down; that step takes it again. What was opened stays open: the plan may want the
     robot where it is at its end, and to close a door it would have to leave. A failure with another reason propagates.
     """
 
@@ -229,11 +230,22 @@ def open_what_is_in_the_way(what: Object) -> Do:
         if closed is None or closed.door is None:
             return await _made_way(failure)
         for door in (closed.door, *closed.further):
-            again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(door), retries=AGAIN)
+            step_back = step_back_and_repeat(door)
+            strategy = partial(_put_down_or, step_back) if goes_first() else step_back
+            again = Recovery((ContainerStuck, HandleNotReachable), strategy, retries=AGAIN)
             await perform(action("OpeningAContainerArtifact", object_acted_on=door), recoveries=[again])
         return RETRY
 
     return open_it
+
+
+async def _put_down_or(otherwise: Do, failure: PlanFailure) -> RecoveryResult:
+    """Put down what has been held for longest if no hand is free; recover ``otherwise`` from other failures."""
+    full = next((link for link in failure.chain() if isinstance(link, HandsFull)), None)
+    if full is None:
+        return await otherwise(failure)
+    order = tuple(executive_for("open_what_is_in_the_way").held())
+    return await _one_put_down(sorted(full.held.values(), key=lambda one: order.index(one.name))[:1])
 
 
 async def _made_way(failure: PlanFailure) -> RecoveryResult:

@@ -130,6 +130,9 @@ class BodyWriter:
             self._repeats[node.name] = branch.text
             return [*before, *self._bound(node, call(branch.text), depth)]
         before, expression = self._awaited(node, depth)
+        if isinstance(node, Turn) and node.again is not None:
+            asked = statement(expression, depth=depth, before="if await ", after=":")
+            return [*asked, *statement(call(self._repeats[node.again]), depth=depth + 1, before="await ")]
         return [*before, *self._bound(node, expression, depth)]
 
     def _bound(self, node: Node, expression: Expression, depth: int) -> list[str]:

@@ -164,7 +164,12 @@ class Hold:
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """Where another step that waits for the resources of a :class:`Hold` around may go first."""
+    """Where another step that waits for the resources of a :class:`Hold` around may go first.
+
+    ``again`` names the branch that takes again what the other step has put down meanwhile (:class:`Again`).
+    """
+
+    again: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

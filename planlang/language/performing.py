@@ -168,7 +168,8 @@ async def perform(
     rules, result = tuple(recoveries_of(_PERFORM, recoveries)), None
     for _ in range(times):
         with performing(action, path_element, times=times):
-            result = await _in_turn(partial(recovering, step, rules), has_goal=until is not None)
+            act = partial(recovering, step, rules)
+            result = await (act() if once else _in_turn(act, has_goal=until is not None))
     return result
 
 

@@ -243,6 +243,14 @@ async def _gave_turn(to: Giving) -> bool:
     return True
 
 
+def goes_first() -> bool:
+    """Check whether the block around this goes before one that gave it its turn, with a thing in its hand."""
+    lease, (scheduler, task) = holding(), here()
+    if lease is None or not lease.in_turns or lease.task is not task:
+        return False
+    return scheduler.service(Arbiter).next_after(lease, Giving.BACK) is not None
+
+
 async def hand_freed(failure: PlanFailure, *, anyway: bool = False) -> bool:
     """Let a block go on that gave its turn, with a thing in its hand, if a failure says that hands are lacking.
 

@@ -261,7 +261,8 @@ def test_unordered_transports_let_each_other_go_first_once_a_thing_is_in_the_han
 ) -> None:
     plan = compiled(unordered("BringRed", "BringBlue"), TABLE, transport("red"), transport("blue"))
     assert plan.source.count('async with using("base", "torso", "arm", "gripper", "head", in_turns=True):') == 2
-    assert plan.source.count("await give_turn()") == 2, "between fetching and bringing, and before stepping back"
+    taken_again = "if await give_turn():\n        await fetch_thing()"
+    assert plan.source.count(taken_again) == 2, "between fetching and bringing, and before stepping back"
     serve = imported(plan)
 
     def check(done: PlanRun[Any]) -> None:
@@ -291,6 +292,21 @@ def test_ordered_transports_and_steps_that_work_at_a_place_take_no_turns(compile
             unordered("BringRed", "BringBlue"), TABLE, transport("red", pick), transport("blue", pick)
         ).source
     )
+
+
+def test_a_step_that_needs_a_hand_for_a_second_thing_takes_no_turns(compiled: Callable[..., CompiledPlan]) -> None:
+    def parts(name: str) -> Iterable[str]:
+        yield composite(name, f"!Pick{name}Red", f"!Pick{name}Blue", f"!Put{name}Red", f"!Put{name}Blue")
+        for what in ("red", "blue"):
+            thing = f"k:objectActedOn value {what}"
+            yield f"Class: Pick{name}{what.title()}\n    SubClassOf: k:PickingUpAnObject, {thing}\n"
+            put = f"Put{name}{what.title()}"
+            yield f"Class: {put}\n    SubClassOf: k:PuttingDownAnObject, {thing}, k:toLocation value table\n"
+
+    cups = "Individual: red\n    Types: k:Cup\nIndividual: blue\n    Types: k:Cup\n"
+    source = compiled(unordered("A", "B"), TABLE, cups, *parts("A"), *parts("B")).source
+    assert source.count("async with using(") == 2
+    assert "turn" not in source.partition("async def ")[2].replace("return", "")
 
 
 def test_a_plan_with_turns_is_formatted_and_typed(compiled: Callable[..., CompiledPlan], tmp_path: Path) -> None:

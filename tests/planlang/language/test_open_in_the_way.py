@@ -7,7 +7,17 @@ from typing import Any
 
 import pytest
 
-from planlang import Recovery, open_what_is_in_the_way, perform, step_back_and_repeat, with_failure_handling
+from planlang import (
+    Recovery,
+    give_turn,
+    holding,
+    open_what_is_in_the_way,
+    par,
+    perform,
+    step_back_and_repeat,
+    using,
+    with_failure_handling,
+)
 from planlang.designators import Condition, Object, action, an_object
 from planlang.failures import (
     BehindClosedDoor,
@@ -121,6 +131,48 @@ def test_nothing_is_put_down_where_no_hand_is_free_for_a_handle() -> None:
     run = run_plan(plan)
     assert isinstance(run.failure, HandleNotReachable)
     assert (run.attempts("SettingAsideAnObject"), run.attempts("SteppingBack"), len(tried)) == (0, 0, 1)
+
+
+@pytest.mark.parametrize("is_put_down", [True, False])
+def test_what_a_waiting_step_holds_is_put_down_where_no_hand_is_free_for_a_handle(is_put_down: bool) -> None:
+    can = an_object("DrinkingCan", "http://example.org/#can1")
+    behind = [behind_the_door()]
+
+    def no_hand() -> PlanFailure:
+        failure = HandleNotReachable(what="door1")
+        failure.__cause__ = HandsFull(what="handle1", held={"right": CUP, "left": can})
+        return failure
+
+    async def fetch_can() -> None:
+        await perform(action("ClosingAGripper", object_acted_on=can), until=holding(can))
+
+    async def bring_can() -> None:
+        async with using("base", in_turns=True):
+            await fetch_can()
+            if await give_turn():
+                await fetch_can()
+
+    async def bring_cup() -> None:
+        async with using("base", in_turns=True):
+            await perform(action("ClosingAGripper", object_acted_on=CUP))
+            await with_failure_handling(bring, OPENS)
+
+    async def bring() -> None:
+        if behind:
+            raise behind.pop()
+
+    async def plan() -> None:
+        await par(bring_can, bring_cup)
+
+    script = Script().on("OpeningAContainerArtifact", fails=no_hand, times=1 if is_put_down else None)
+    if not is_put_down:
+        script.on("SettingAsideAnObject", fails=ContainerStuck)
+    run = run_plan(plan, script=script)
+    aside = [event["action"] for event in run.trace.events if "SettingAside" in str(event.get("action"))]
+    assert set(aside) == {"SettingAsideAnObject(object_acted_on=can1)"}
+    assert isinstance(run.failure, HandleNotReachable) != is_put_down
+    assert sorted(run.belief.holding) == ["can1", "cup1"]
+    assert run.attempts("ClosingAGripper") == (3 if is_put_down else 2)
 
 
 def test_the_failure_says_what_is_behind_which_door() -> None:

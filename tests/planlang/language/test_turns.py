@@ -196,3 +196,19 @@ def test_a_step_without_a_hand_fails_if_nobody_waits_with_one() -> None:
             await perform(action("http://example.org/#Taking", object_acted_on=PLATE), otherwise=take_plate)
 
     assert isinstance(run_plan(fetch_plate).failure, HandsFull)
+
+
+def test_a_step_that_must_not_be_repeated_is_not_repeated_for_want_of_a_hand() -> None:
+    begun = []
+
+    async def pour() -> None:
+        begun.append("pouring")
+        raise HandsFull(designator="plate1", what="plate1", held={"arm": CUP})
+
+    async def pour_in_turn() -> None:
+        async with using("base", in_turns=True):
+            await perform(action("http://example.org/#Pouring", object_acted_on=PLATE), once=True, otherwise=pour)
+
+    run = run_plan(partial(par, partial(bring, [], "a"), pour_in_turn))
+    assert isinstance(run.failure, HandsFull)
+    assert begun == ["pouring"]
