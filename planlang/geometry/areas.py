@@ -185,6 +185,8 @@ class Area:
     directions: tuple[float, ...] = ()
     """Headings in the map of the allowed sides; empty: all."""
     negated: bool = False
+    room: Block | None = None
+    """The room that the area ends at: what is near on the other side of its wall is not in the area."""
 
     def score(self, points: Array) -> Array:
         """Rate points (n, 2 or more), (n,) in [0, 1]; 0 exactly if they are outside the area."""
@@ -214,6 +216,10 @@ class Area:
 
     def _inside(self, points: Array, border: float = HAIR) -> NDArray[np.bool_]:
         """Check whether points are in the area, ignoring its negation, with its border enlarged [m]."""
+        around = self._around(points, border)
+        return around if self.room is None else around & (self.room.distance(points) <= border)
+
+    def _around(self, points: Array, border: float) -> NDArray[np.bool_]:
         if not self.directions:
             away = self._gap(points)
             return np.asarray((away >= self.least - border) & (away <= self.most + border))

@@ -6,12 +6,13 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, ClassVar
 
+from planlang.geometry.areas import HAIR
 from planlang.relations.demands import BeforeGrip, Bodies, Bounds, Conjunct, Reach, Subject
 from planlang.relations.reaching import In, On, handling, is_handled
 from planlang.relations.relation_type import Meaning, Parts, RelationType, Stated
 
 if TYPE_CHECKING:
-    from planlang.geometry.areas import Area, Strip
+    from planlang.geometry.areas import Area, Block, Strip
 
 BASE_SIDE: Bounds = (0.1, 1.1)
 """Distance of a base at a side of X [m]: clear of X, and within reach for an arm of 0.7 m."""
@@ -23,8 +24,10 @@ class Beside(RelationType):
     """Within a distance of X, on the sides that the relation names or on any; usual bounds are in the meanings."""
 
     def base(self, at: Conjunct, bodies: Bodies, radius: float) -> Area:
-        """Be in the area."""
-        return self.area(at, bodies, "base", radius)
+        """Be in the area, and in the room that X is in, unless it is stated how far away that may be."""
+        area = self.area(at, bodies, "base", radius)
+        is_stated = at.within is not None or math.isinf(area.most)
+        return area if is_stated else replace(area, room=_room_around(at.body, bodies))
 
     def hand(self, at: Conjunct, bodies: Bodies) -> BeforeGrip | Area:
         """Be in the area, with the middle of what is held."""
@@ -69,13 +72,23 @@ class Beside(RelationType):
             raise ValueError(f"the relation {self.name} has a distance: say its usual bounds")
 
 
+def _room_around(name: str, bodies: Bodies) -> Block | None:
+    """Return the block of the room that a body is in; None if it is in none or between two, as a doorway is."""
+    if bodies.is_room(name):
+        return None
+    middle = bodies.block(name).centre
+    rooms = [room for room in map(bodies.block, filter(bodies.is_room, bodies.names())) if room.away(middle) < HAIR]
+    return rooms[0] if len(rooms) == 1 else None
+
+
+_SAME_ROOM = "in the same room unless a distance is stated"
 _SIDE = "within 45 degrees of that side of X: in X's frame if X has a front, else in the viewer's"
 
 
 class Side(Beside):
     """At sides of X, which are those of its front or, without one, the viewer's."""
 
-    of_base: ClassVar[Meaning | None] = Meaning(f"{_SIDE}, 0.1 to 1.1 m away", BASE_SIDE)
+    of_base: ClassVar[Meaning | None] = Meaning(f"{_SIDE}, 0.1 to 1.1 m away, {_SAME_ROOM}", BASE_SIDE)
     of_hand: ClassVar[Meaning | None] = Meaning(_SIDE, THING_SIDE)
     of_thing: ClassVar[Meaning | None] = Meaning(f"on the same support unless another is stated, {_SIDE}", THING_SIDE)
     from_outside = True
@@ -142,7 +155,7 @@ class Near(Beside):
     name = "near"
     owl = "near"
     forms = ("near", "close to")
-    of_base = Meaning("within 1 m", (0.0, 1.0))
+    of_base = Meaning(f"within 1 m, {_SAME_ROOM}", (0.0, 1.0))
     of_hand = Meaning("within 0.3 m", THING_SIDE)
     of_thing = Meaning("on the same support unless another is stated, within 0.3 m", THING_SIDE)
 

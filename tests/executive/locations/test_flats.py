@@ -8,8 +8,11 @@ import pytest
 
 from executive.belief.doorways import narrow_doorway
 from executive.motion import NoPath
+from planlang.designators import Object, a_location
+from planlang.geometry import Pose
 from tests.support.extras import skip_without_pr2
-from tests.support.flats import flat, in_flat
+from tests.support.flats import Flat, doorway, flat, in_flat, room_of
+from tests.support.leaves import thing
 
 FLATS = range(3)
 """A row of rooms, two rooms at a hall, and two rooms at a hall that turns."""
@@ -71,3 +74,19 @@ def test_no_doorway_is_named_where_all_are_wide_enough_or_passed() -> None:
         narrow = narrow_doorway(scene, np.array(wide.goal[:2]))
         assert narrow is not None
         assert narrow.name == "doorway2", "the first doorway is passed"
+
+
+def test_a_base_is_near_a_table_only_on_this_side_of_a_wall() -> None:
+    rooms = room_of("room0", (-3.0, -2.0), (0.0, 2.0)), room_of("room1", (0.1, -2.0), (3.0, 2.0))
+    table = thing("table", "KitchenTable", Pose((0.35, 0.5, 0.37)), (0.5, 0.9, 0.74))
+    things = (*rooms, table, doorway("doorway1", 0.05, -1.2, 1.2))
+    drawn = Flat("two rooms", things, (1.2,), (-1.0, 0.5, 0.0), (2.0, 0.0, 0.0))
+    with ExitStack() as stack:
+        platform = in_flat(stack, drawn, "amigo")
+        near = a_location(near=Object("SpatialThing", "table"))
+        assert next(platform.resolver.bases(near)).base[0] > 0.1
+        behind_the_wall = (-0.5, 0.5, 0.0)
+        assert platform.resolver.satisfies(near, behind_the_wall) is None
+        assert platform.resolver.satisfies(a_location(not_=near), behind_the_wall) is not None
+        stated = a_location(near=Object("SpatialThing", "table"), within=1.5)
+        assert platform.resolver.satisfies(stated, behind_the_wall) is not None

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from sim.scene import BodyShape
 from sim.truth import held_by
 from tests.support.scenarios import Goal, Scenario, Watched
 
@@ -82,7 +83,8 @@ def _standing(watched: Watched, table: str, tool: str) -> list[str]:
     size = np.array(watched.world.size(table))
     found = []
     for body in bodies:
-        if body.movable and body.name != tool and body.name in watched.start:
+        is_thing = body.shape not in (BodyShape.ROOM, BodyShape.MARKER)
+        if is_thing and body.name not in (table, tool) and body.name in watched.start:
             x, y, z = (watched.start[table].inverse() @ watched.start[body.name]).position
             if abs(x) < size[0] / 2 and abs(y) < size[1] / 2 and 0 < z - size[2] / 2 < body.size[2]:
                 found.append(body.name)
