@@ -327,9 +327,10 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
     """Put the held object down nearby, grasp it differently with the branch ``again``, then run the body again.
 
     Without ``again`` the body itself grasps. If the object cannot be put down, or not grasped differently, the failure
-    propagates; in the latter case the object stays where it was put. If the failure is that no hand is free, a
-    concurrent step that waits with an object in its hand goes on, or else the robot puts down what a hand holds; the
-    step that needs that object next grasps it again.
+    propagates; in the latter case the object stays where it was put. A concurrent step that waits with an object in its
+    hand goes on before it is grasped again: with one hand empty there may be a way. If the failure is that no hand is
+    free, that step goes on, or else the robot puts down what a hand holds; the step that needs that object next grasps
+    it again.
     """
 
     regrasping = Usage("put_down_and_regrasp", {"what": "bottle"}, {"again": "fetch_bottle"})
@@ -346,8 +347,12 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
             return PROPAGATE
         if full is not None:
             return await _one_put_down(dict.fromkeys(full.held.values()))
+        other_waits = goes_first()  # with an object in the hand that this step may have needed
+        grip = {} if other_waits else {"by_another_grip": True}
         try:
-            await perform(action("SettingAsideAnObject", object_acted_on=what, by_another_grip=True))
+            await perform(action("SettingAsideAnObject", object_acted_on=what, **grip))
+            if other_waits:
+                await hand_freed(failure, anyway=True)
             if again is not None:
                 await called(again)
         except PlanFailure:

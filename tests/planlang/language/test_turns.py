@@ -8,9 +8,23 @@ from typing import Any
 
 import pytest
 
-from planlang import Condition, Recovery, give_turn, holding, now, par, perform, sleep, tag, task, task_suspended, using
+from planlang import (
+    Condition,
+    Recovery,
+    give_turn,
+    holding,
+    now,
+    par,
+    perform,
+    sleep,
+    tag,
+    task,
+    task_suspended,
+    using,
+    with_failure_handling,
+)
 from planlang.designators import action, an_object
-from planlang.failures import GraspMissed, HandsFull, ManipulationPoseUnreachable
+from planlang.failures import GraspMissed, HandsFull, ManipulationPoseUnreachable, ObjectUndeliverable
 from planlang.recoveries import put_down_and_regrasp
 from planlang.runs import RecordedRun
 from planlang.testing import Script, explore, replay, run_plan
@@ -199,6 +213,36 @@ def test_a_step_without_a_hand_fails_if_nobody_waits_with_one() -> None:
             await perform(action("http://example.org/#Taking", object_acted_on=PLATE), otherwise=take_plate)
 
     assert isinstance(run_plan(fetch_plate).failure, HandsFull)
+
+
+def test_what_cannot_be_delivered_beside_what_another_step_holds_is_put_down_until_that_has_gone_on() -> None:
+    log: Log = []
+
+    async def bring_plate() -> None:
+        async with using("base", in_turns=True):
+            await give_turn()
+            log.append("plate brought")
+
+    async def fetch_cup() -> None:
+        await perform(action("GraspingSomething", object_acted_on=CUP))
+
+    async def bring_cup() -> None:
+        async with using("base", in_turns=True):
+            await fetch_cup()
+            await with_failure_handling(deliver_cup, recovery)
+
+    async def deliver_cup() -> None:
+        if "plate brought" not in log:
+            raise ObjectUndeliverable(what="cup1")
+        log.append("cup brought")
+
+    recovery = Recovery(ObjectUndeliverable, put_down_and_regrasp(CUP, fetch_cup), retries=1)
+    script = Script().performs("GraspingSomething")
+    script.on("GraspingSomething", does=lambda belief, _: belief.hold("cup1"))
+    run = run_plan(partial(par, bring_plate, bring_cup), script=script)
+    assert run.failure is None
+    assert log == ["plate brought", "cup brought"]
+    assert (run.attempts("SettingAsideAnObject"), run.attempts("GraspingSomething")) == (1, 2)
 
 
 def test_a_step_that_must_not_be_repeated_is_not_repeated_for_want_of_a_hand() -> None:
