@@ -92,3 +92,14 @@ def test_what_is_absent_is_gone_with_its_parts(room: SemanticMap, name: str, gon
 def test_a_thing_that_the_map_lacks_is_named(room: SemanticMap) -> None:
     with pytest.raises(BadInput, match="the map has no cup9"):
         changed(room, Change("absent", True, "cup9"))
+
+
+@pytest.mark.parametrize(
+    ("name", "position", "told"),
+    [("cup1", 0.5, "cup1 has no joint, so it cannot be put to 0.5"), ("door1", 99.0, "does not get to 99")],
+)
+def test_a_position_that_would_change_nothing_is_refused(
+    room: SemanticMap, name: str, position: float, told: str
+) -> None:
+    with pytest.raises(BadInput, match=told):
+        changed(room, Change("jointPosition", position, name))
