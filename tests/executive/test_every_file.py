@@ -75,6 +75,7 @@ INPUTS = {
     "run --robot": "run serve_a_drink --robot {}",
     "run --environment": "run serve_a_drink --environment {}",
     "run --models": "run serve_a_drink --models {}",
+    "run --apply": "run serve_a_drink --apply {}",
     "run --set": "run serve_a_drink --set @{}",
     "run --resume": "run --resume {}",
     "sweep recipe": "sweep {} --worlds 1",
