@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import field
 
 import numpy as np
@@ -55,13 +55,17 @@ class ComfortZone:
         """Heading of the person [rad]."""
         return math.atan2(self.facing[1], self.facing[0])
 
-    def arm_for(self, point: Sequence[float] | Array) -> int | None:
+    def arm_for(self, point: Sequence[float] | Array, arms: Collection[int] = (0, 1)) -> int | None:
         """Select the arm with a point in its zone, the nearer one of two: 0 (right), 1 (left), or None.
+
+        ``arms`` are those that come into question, as a hand that holds something does not.
 
         The zone extends from a quarter of the arm length to all of it, within 60 degrees of the facing direction.
         """
         best: tuple[float, int] | None = None
         for k, shoulder in enumerate(self.shoulders):
+            if k not in arms:
+                continue
             offset = np.asarray(point, dtype=float) - np.asarray(shoulder)
             distance = float(np.linalg.norm(offset))
             if not NEAREST * self.arm_length <= distance <= self.arm_length:
@@ -376,12 +380,10 @@ class People:
         for thing, pose in held.items():
             if self.still[thing][1] < _REST or self.holder(thing):
                 continue
-            k = reach.arm_for(pose.position)
-            if k is None:
-                continue
-            if person.reaching is not None and person.reaching[1] == thing:
-                k = person.reaching[0]
-            if person.free(k):
+            if person.reaching is not None and person.reaching[1] == thing and reach.contains(pose.position):
+                return person.reaching[0], thing
+            k = reach.arm_for(pose.position, [k for k in (0, 1) if person.free(k)])
+            if k is not None:
                 return k, thing
         return None
 

@@ -83,6 +83,15 @@ def test_person_does_not_move_for_what_is_out_of_comfort_or_not_held(world: PyBu
     assert (world.hand("patient", "left"), world.hand("patient", "right")) == rest
 
 
+def test_the_other_hand_takes_what_is_offered_if_the_nearer_one_is_full(world: PyBulletWorld) -> None:
+    zone = world.person("patient")
+    right, left = map(np.array, zone.shoulders)
+    point = 0.55 * right + 0.45 * left + 0.6 * zone.arm_length * np.array(zone.facing)
+    assert zone.arm_for(point) == 0
+    assert zone.arm_for(point, (1,)) == 1
+    assert zone.arm_for(point, ()) is None
+
+
 def test_object_in_motion_is_not_taken(offering: PyBulletWorld) -> None:
     rest = offering.hand("patient", "left")
     for k in range(60):
