@@ -348,9 +348,10 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
         if full is not None:
             return await _one_put_down(dict.fromkeys(full.held.values()))
         other_waits = goes_first()  # with an object in the hand that this step may have needed
-        grip = {} if other_waits else {"by_another_grip": True}
+        aside = "SettingAsideAnObject"
+        putting = action(aside, object_acted_on=what)
         try:
-            await perform(action("SettingAsideAnObject", object_acted_on=what, **grip))
+            await perform(putting if other_waits else action(aside, object_acted_on=what, by_another_grip=True))
             if other_waits:
                 await hand_freed(failure, anyway=True)
             if again is not None:

@@ -45,7 +45,8 @@ from planlang.recipe.checks import check
 from planlang.recipe.checks.orderings import ordering_to_write
 from planlang.recipe.fillers import action_class, is_vocabulary_class
 from planlang.recipe.model import Kind, Place, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.order import Precedence, Unit, callees_first, recipe_order, scopes_of, single_steps
+from planlang.recipe.order import Precedence, callees_first, recipe_order
+from planlang.recipe.scopes import Unit, scopes_of, single_steps
 from planlang.records import dataclass
 
 

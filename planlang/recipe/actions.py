@@ -133,6 +133,25 @@ class Actions:
             self._last_moving = recipes, (_with_callers(own, callers), _with_callers(stated, callers))
         return self._last_moving[1]
 
+    def finds_its_place(self, step: Step, recipes: RecipeSet) -> bool:
+        """True if recipes perform the step that drive to where it is possible, all of them of the library."""
+        moving, by_themselves = self._moving(recipes)
+        return not moving.isdisjoint(step.recipes) and by_themselves.isdisjoint(step.recipes)
+
+    def brings(self, step: Step, recipes: RecipeSet) -> bool:
+        """True if a recipe that performs the step takes a thing at one place and lets it go at another."""
+        moving = self._moving(recipes)[0]
+        for recipe in (recipes.recipes[iri] for iri in step.recipes if iri in moving):
+            inner = [one for one in recipe.steps if not moving.isdisjoint(one.recipes)]
+            if any(map(self.takes, inner)) and any(map(self.releases, inner)):
+                return True
+        return False
+
+    def takes(self, step: Step) -> bool:
+        """True if a thing is in the hand after the step."""
+        goal = self.goal(step.action_class)
+        return goal is not None and goal.predicate == "holding"
+
     def uses_hand(self, step: Step) -> bool:
         """True for a primitive that needs an arm or a gripper."""
         primitive = self.primitive(step)

@@ -4,27 +4,19 @@ Overlaps are decided on the beginnings and ends of steps. Each step is two point
 relation is a set of ``<`` and ``=`` between points (:meth:`planlang.recipe.model.Overlap.endpoints`), an order is
 "end < beginning", and no step begins before the recipe or ends after it. The statements are consistent exactly if no
 cycle of this graph contains a ``<`` (P. van Beek, 1992, for relations without "or").
-
-Location scopes add orders. A step belongs to the last base motion before it. If it is unordered with the next one, it
-is put before that one if it has a location or an object, and stays outside otherwise. A scope is one unit: steps
-outside come before or after all of it, which may add orders; they are returned, so that a note can report them.
 """
 
 from __future__ import annotations
 
 import heapq
-from bisect import bisect_left
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator
 from functools import cached_property
-from itertools import pairwise
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from planlang.closure import grouped, leads_to, reached
 from planlang.kept import kept
 from planlang.recipe import graphs as nx
-from planlang.recipe.actions import Actions, Movers
-from planlang.recipe.model import Ordering, Overlap, Place, Point, Recipe, RecipeSet, Thing
-from planlang.records import dataclass
+from planlang.recipe.model import Ordering, Overlap, Point, Recipe, RecipeSet
 
 Node = TypeVar("Node", bound=Hashable)
 
@@ -313,141 +305,6 @@ def implied_by_overlaps(recipe: Recipe) -> Iterable[tuple[str, str]]:
         return ()
     stated = recipe_order(recipe)
     return [pair for pair in intervals.implied() if not stated.before(*pair)]
-
-
-@dataclass(frozen=True, slots=True)
-class Unit:
-    """One step, or a base motion (``base``) with the other steps of its location scope (``steps``)."""
-
-    base: str | None
-    steps: tuple[str, ...]
-
-    def members(self) -> tuple[str, ...]:
-        """All steps of the unit, the base motion first."""
-        return (self.base, *self.steps) if self.base else self.steps
-
-
-@dataclass(frozen=True, slots=True)
-class Scoping:
-    """Units, the partial order of their indices, and the orders that scopes add among steps.
-
-    The stated orders and ``added`` together imply all orders of the scoped plan.
-    """
-
-    units: tuple[Unit, ...]
-    order: Precedence[Any]
-    added: tuple[tuple[str, str], ...]
-
-
-def single_steps(stated: Precedence[str]) -> Scoping:
-    """Scoping in which each step is a unit of its own."""
-    return Scoping(tuple(Unit(None, (step,)) for step in stated.nodes), stated, ())
-
-
-def scopes_of(actions: Actions, recipe: Recipe, recipes: RecipeSet, stated: Precedence[str]) -> Scoping:
-    """Group the steps of a recipe into units; no scopes if a step has to run in parallel to a base motion."""
-    movers = actions.movers(recipe, recipes)
-    overlapping = {iri for overlap in recipe.overlaps for iri in (overlap.first, overlap.second)}
-    return single_steps(stated) if overlapping & movers.opening else scoping(stated, movers, steps_with_target(recipe))
-
-
-def added_by_scopes(actions: Actions, recipe: Recipe, recipes: RecipeSet) -> tuple[tuple[str, str], ...]:
-    """Orders of steps (IRIs) that scopes add; none if base motions are unordered. Stated orders must be acyclic."""
-    movers = actions.movers(recipe, recipes)
-    if not movers.opening:
-        return ()
-    order = recipe_order(recipe)
-    moving = [step for step in order.extension if step in movers.opening | movers.ending]
-    if not all(order.before(first, second) for first, second in pairwise(moving)):
-        return ()
-    return scopes_of(actions, recipe, recipes, order).added
-
-
-def steps_with_target(recipe: Recipe) -> frozenset[str]:
-    """Steps that have a location or an object."""
-    return frozenset(
-        step.iri
-        for step in recipe.steps
-        if any(isinstance(parameter.filler, (Thing, Place)) for parameter in step.parameters)
-    )
-
-
-def scoping(stated: Precedence[str], movers: Movers, placed: frozenset[str]) -> Scoping:
-    """Group the steps of an order in which the movers are totally ordered.
-
-    ``placed`` are the steps that have a location or an object.
-    """
-    if not movers.opening:
-        return single_steps(stated)
-    is_moving = movers.opening | movers.ending
-    moving = [step for step in stated.extension if step in is_moving]
-    before_next = _put_before_next_motion(stated, moving, movers, placed)
-    order = stated.extended(before_next)
-    inside: dict[str, list[str]] = {}
-    outside: set[str] = set()
-    for step in stated.nodes:
-        scope = _scope(order, moving, movers, step) if step not in is_moving else None
-        if scope is None:
-            outside.add(step)
-        else:
-            inside.setdefault(scope, []).append(step)
-    units: list[Unit] = []
-    for step in stated.nodes:
-        if step in movers.opening:
-            units.append(Unit(step, tuple(inside.get(step, ()))))
-        elif step in outside:
-            units.append(Unit(None, (step,)))
-    unit_of = {member: index for index, unit in enumerate(units) for member in unit.members()}
-    pairs = ((unit_of[a], unit_of[b]) for a, b in order.reduction())
-    between = Precedence(range(len(units)), ((a, b) for a, b in pairs if a != b))
-    return Scoping(tuple(units), between, _added(stated, order, units, between))
-
-
-def _added(
-    stated: Precedence[str], order: Precedence[str], units: Sequence[Unit], between: Precedence[int]
-) -> tuple[tuple[str, str], ...]:
-    """Orders between units that are not stated: from each last step of a unit to the first step of the next one."""
-    rank = {step: number for number, step in enumerate(stated.nodes)}
-    added = []
-    lasts: dict[int, list[str]] = {}
-    for first, second in between.reduction():
-        if first not in lasts:
-            members = units[first].members()
-            own = sum(order.bit(step) for step in members)
-            lasts[first] = [step for step in members if not order.later(step) & own]
-        following = units[second].members()[0]
-        added += [(step, following) for step in lasts[first] if not stated.before(step, following)]
-    return tuple(sorted(added, key=lambda pair: (rank[pair[0]], rank[pair[1]])))
-
-
-def _moves_before(order: Precedence[str], moving: Sequence[str], step: str) -> int:
-    """Number of the totally ordered base motions that come before a step."""
-    return bisect_left(moving, True, key=lambda base: not order.before(base, step))
-
-
-def _put_before_next_motion(
-    stated: Precedence[str], moving: Sequence[str], movers: Movers, placed: frozenset[str]
-) -> list[tuple[str, str]]:
-    added = []
-    is_moving = frozenset(moving)
-    for step in stated.nodes:
-        if step not in placed or step in is_moving:
-            continue
-        number = _moves_before(stated, moving, step)
-        if 0 < number < len(moving) and moving[number - 1] in movers.opening:  # in a scope that another motion ends
-            following = moving[number]
-            if not stated.before(step, following):
-                added.append((step, following))
-    return added
-
-
-def _scope(order: Precedence[str], moving: Sequence[str], movers: Movers, step: str) -> str | None:
-    number = _moves_before(order, moving, step)
-    if not number or moving[number - 1] not in movers.opening:
-        return None
-    if number < len(moving) and not order.before(step, moving[number]):
-        return None
-    return moving[number - 1]
 
 
 def callees_first(recipes: RecipeSet) -> list[Recipe]:

@@ -13,7 +13,8 @@ from planlang.designators import local_name
 from planlang.recipe.actions import Actions
 from planlang.recipe.canonical import canonical
 from planlang.recipe.model import Filler, Place, Recipe, RecipeSet, Step, Thing
-from planlang.recipe.order import Precedence, added_by_scopes, recipe_order
+from planlang.recipe.order import Precedence, recipe_order
+from planlang.recipe.scopes import added_by_scopes
 from planlang.records import dataclass
 
 Before = Callable[[str, str], bool]

@@ -18,8 +18,8 @@ from planlang.ontology import Ontology, expand, shorten
 from planlang.recipe.actions import Actions, recipes_for
 from planlang.recipe.guesses import Known, without_number
 from planlang.recipe.model import Recipe, RecipeSet, Step
-from planlang.recipe.order import added_by_scopes
 from planlang.recipe.readers import created_individuals
+from planlang.recipe.scopes import added_by_scopes
 from planlang.recipe.statements import Statements
 from planlang.records import dataclass
 from planlang.spelling import Spellings

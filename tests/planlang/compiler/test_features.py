@@ -41,6 +41,48 @@ def test_base_motion_that_nothing_follows_opens_no_scope(compiled: Any) -> None:
     assert "at_location" not in plan.source
 
 
+BRING = ("k:TransportingAnObject", "k:objectActedOn value room:bottle1", "k:toLocation value bed1")
+TAKE = ("k:PickingUpAnObject", "k:objectActedOn value room:bottle1")
+BED = "Individual: bed1\n    Types: k:Bed-PieceOfFurniture"
+PUT_DOWN = ("k:PuttingDownAnObject", "k:objectActedOn value room:bottle1", "k:toLocation value bed1")
+
+
+@pytest.mark.parametrize(
+    ("names", "order", "steps"),
+    [
+        ("Drive Bring", "Drive<Bring", {"Bring": BRING}),
+        ("Drive Bring Other", "Drive<Bring Drive<Other", {"Bring": BRING, "Other": BRING}),
+    ],
+    ids=["one", "two unordered"],
+)
+def test_what_is_fetched_here_and_brought_there_narrows_no_place(
+    compiled: Any, names: str, order: str, steps: dict[str, tuple[str, ...]]
+) -> None:
+    pairs = order.split()
+    plan = compiled(
+        task("Go", names, constraints=len(pairs)),
+        orderings(*pairs),
+        step("Drive", "k:Translation-LocationChange", "k:toLocation value room:cup1"),
+        BED,
+        *(step(name, *stated) for name, stated in steps.items()),
+    )
+    assert "at_location" not in body(plan, "go")
+
+
+def test_what_is_taken_narrows_the_place_before_it_and_where_it_is_put_down_does_not(compiled: Any) -> None:
+    plan = compiled(
+        task("Go", "Drive Take Put", constraints=2),
+        orderings("Drive<Take", "Take<Put"),
+        step("Drive", "k:Translation-LocationChange", "k:toLocation value there"),
+        BED,
+        step("Take", *TAKE),
+        step("Put", *PUT_DOWN),
+    )
+    source = body(plan, "go")
+    assert "reaching=(" in source
+    assert "resting_on" not in source.partition("reaching=(")[2].partition(")")[0]
+
+
 def test_step_unordered_with_the_next_base_motion_stays_outside_without_an_object(
     compiled: Any, read_plan: Any
 ) -> None:

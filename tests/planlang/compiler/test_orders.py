@@ -30,7 +30,8 @@ from planlang.recipe import Actions, Ordering, Parameter, Place, Recipe, RecipeS
 from planlang.recipe.actions import Movers
 from planlang.recipe.canonical import canonical
 from planlang.recipe.model import Kind
-from planlang.recipe.order import Precedence, order_graph, scoping
+from planlang.recipe.order import Precedence, order_graph
+from planlang.recipe.scopes import scoping
 from planlang.testing import all_linear_extensions
 
 BASE = "http://planlang.org/test#"
