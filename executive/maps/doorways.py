@@ -35,6 +35,8 @@ SEAM = 0.02
 """How much wider and higher than a leaf an opening is that is made for it [m]."""
 DEEP = 0.15
 """Distance from a leaf up to which its opening cuts walls [m]."""
+MOSTLY = 0.8
+"""Least share of an opening's width that is within a wall which it cuts: a doorway may be as wide as its hall."""
 PARALLEL = 0.999
 """Least cosine of the angle between adjoining walls of two rooms."""
 
@@ -130,7 +132,9 @@ def cut_of(room: Body, pose: Pose, size: Sequence[float] | Array) -> Cavity | No
     centre, half, inner = np.array(local.position), half_extents(local, size), np.array(room.size) / 2
     for axis, along in ((0, 1), (1, 0)):
         outside = abs(centre[axis]) - inner[axis]
-        if -half[axis] <= outside <= half[axis] + THICKEST and abs(centre[along]) + half[along] <= inner[along]:
+        low, high = np.clip(centre[along] + half[along] * np.array([-1.0, 1.0]), -inner[along], inner[along])
+        if -half[axis] <= outside <= half[axis] + THICKEST and high - low >= MOSTLY * 2 * half[along]:
+            centre[along], half[along] = (low + high) / 2, (high - low) / 2
             centre[axis] = np.copysign(inner[axis] + WALL / 2, centre[axis])
             half[axis] = WALL  # sticks out of the wall on both sides, so that no film of it is left
             x, y, z = centre.tolist()

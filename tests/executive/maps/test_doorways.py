@@ -89,6 +89,16 @@ def test_a_placed_doorway_is_an_opening_and_not_a_body(rooms: Rooms, thing: Writ
     assert found == []
 
 
+@pytest.mark.parametrize("width", [3.5, 3.6])
+def test_a_doorway_as_wide_as_the_wall_that_two_rooms_share_is_an_opening(
+    rooms: Rooms, thing: Write, seen: Write, width: float
+) -> None:
+    place = seen("doorway1", (2.1, 0.25, 1.0), np.eye(3).reshape(-1).tolist())
+    scene, found = rooms(frames=(thing("doorway1", "Doorway", (0.2, width, 2.0)), place))
+    assert len(openings(scene)) == 2
+    assert found == []
+
+
 @pytest.mark.parametrize("prop", ["connectedTo", "betweenContainers"])
 def test_a_doorway_without_a_pose_connects_rooms(rooms: Rooms, prop: str) -> None:
     frames = f"Individual: way\n    Types: knowrob:Doorway\n    Facts: knowrob:{prop} room1, knowrob:{prop} room2\n"
