@@ -5,7 +5,6 @@ Numbers with units are converted to SI units (:mod:`planlang.units`).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -14,6 +13,7 @@ from planlang.kept import kept
 from planlang.ontology import BNode, Literal, Ontology, Restriction, Term, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, UPPER, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
+from planlang.recipe.stated_poses import stated_pose
 from planlang.recipe.statements import (
     KINDS,
     ON_ACTIONS,
@@ -473,28 +473,3 @@ def _is_device_term(ontology: Ontology, term: Term) -> bool:
         and not isinstance(term, BNode)
         and any(is_device(ontology, cls) for cls in (ontology.types(term) or (term,)))
     )
-
-
-UPRIGHT = 1e-3
-"""Tolerance of m22 around 1: a matrix within it has its z axis pointing up."""
-
-
-def stated_pose(ontology: Ontology, iri: str) -> tuple[float, float, float, float] | None:
-    """Pose of a matrix in the map frame: x, y, z [m] and heading [rad]; None if a number is missing.
-
-    The z axis has to point up, as that of a base does.
-    """
-    numbers = {name: _number(ontology, iri, name) for name in ("m03", "m13", "m23", "m00", "m10", "m22")}
-    x, y, z, cosine, sine, up = (numbers[name] for name in numbers)
-    if None in (x, y, z, cosine, sine, up) or abs((up or 0.0) - 1) > UPRIGHT:
-        return None
-    return x or 0.0, y or 0.0, z or 0.0, math.atan2(sine or 0.0, cosine or 0.0)
-
-
-def _number(ontology: Ontology, iri: str, name: str) -> float | None:
-    """Last number that an individual states for a property; None if there is none, or it is not finite."""
-    try:
-        values = [one for one in ontology.values(iri, expand(name)) if isinstance(one, Literal)]
-        return stated_number(values[-1], unit_of_property(name)) if values else None
-    except ValueError:
-        return None

@@ -99,6 +99,37 @@ def test_step_unordered_with_the_next_base_motion_stays_outside_without_an_objec
     assert ("Back", "Look") not in happening.before
 
 
+MATRIX = "k:m00 0, k:m10 1, k:m22 1, k:m03 1.5, k:m13 -2, k:m23 0"
+
+
+@pytest.mark.parametrize(
+    "stated",
+    [
+        MATRIX,
+        'k:translation "1.5 -2 0", k:heading 90',
+        'k:translation "1.5 -2 0", k:quaternion "0 0 0.7071068 0.7071068"',
+    ],
+    ids=["matrix", "heading", "quaternion"],
+)
+def test_base_motion_to_a_stated_pose_goes_there(compiled: Any, stated: str) -> None:
+    plan = compiled(
+        task("Go", "Drive"),
+        f"Individual: corner\n    Types: k:RotationMatrix3D\n    Facts: {stated}",
+        step("Drive", "k:Translation-LocationChange", "k:toLocation value corner"),
+    )
+    assert "x=1.5, y=-2.0, z=0.0, yaw=1.5707963" in unbroken(plan.source)
+
+
+@pytest.mark.parametrize("stated", ['k:translation "1.5 here 0"', 'k:translation "1.5 -2 0", k:quaternion "1 0 0 0"'])
+def test_numbers_that_are_no_pose_of_a_base_state_none(compiled: Any, stated: str) -> None:
+    plan = compiled(
+        task("Go", "Drive"),
+        f"Individual: corner\n    Types: k:RotationMatrix3D\n    Facts: {stated}",
+        step("Drive", "k:Translation-LocationChange", "k:toLocation value corner"),
+    )
+    assert "a_pose" not in plan.source
+
+
 def test_base_motion_to_a_thing_goes_where_that_is_in_reach(compiled: Any) -> None:
     plan = compiled(
         task("Go", "Drive Look", constraints=1),
