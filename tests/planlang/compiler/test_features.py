@@ -99,7 +99,7 @@ def test_step_unordered_with_the_next_base_motion_stays_outside_without_an_objec
     assert ("Back", "Look") not in happening.before
 
 
-MATRIX = "k:m00 0, k:m10 1, k:m22 1, k:m03 1.5, k:m13 -2, k:m23 0"
+MATRIX = "k:m00 0, k:m10 1, k:m22 1, k:m03 1.5, k:m13 -2.0, k:m23 0.0"
 
 
 @pytest.mark.parametrize(
