@@ -184,7 +184,8 @@ def test_a_handle_that_no_arm_reaches_is_named(stack: ExitStack) -> None:
     with pytest.raises(HandleNotReachable, match="the handle of leaf is out of reach: no way was found") as caught:
         stage.do(OPEN, "leaf")
     assert stage.truth.joint("leaf") == 0.0
-    assert re.search(r"out of reach.*; grip is at 2\.\d\d m, 0\.\d\d m too high; the right arm reaches up to 1\.\d\d m$", explain(caught.value).splitlines()[0])
+    told = r"out of reach.*; grip is at 2\.\d\d m, 0\.\d\d m too high; the right arm reaches up to 1\.\d\d m$"
+    assert re.search(told, explain(caught.value).splitlines()[0])
 
 
 @pytest.mark.long
