@@ -133,6 +133,29 @@ def test_nothing_is_put_down_where_no_hand_is_free_for_a_handle() -> None:
     assert (run.attempts("SettingAsideAnObject"), run.attempts("SteppingBack"), len(tried)) == (0, 0, 1)
 
 
+def test_a_step_that_goes_first_steps_back_from_a_handle_as_any_other() -> None:
+    behind = [behind_the_door()]
+
+    async def bring_can() -> None:
+        async with using("base", in_turns=True):
+            await give_turn()
+
+    async def bring_cup() -> None:
+        async with using("base", in_turns=True):
+            await with_failure_handling(bring, OPENS)
+
+    async def bring() -> None:
+        if behind:
+            raise behind.pop()
+
+    async def plan() -> None:
+        await par(bring_can, bring_cup)
+
+    run = run_plan(plan, script=Script().on("OpeningAContainerArtifact", fails=HandleNotReachable, times=1))
+    assert run.failure is None
+    assert (run.attempts("OpeningAContainerArtifact"), run.attempts("SteppingBack")) == (2, 1)
+
+
 @pytest.mark.parametrize("is_put_down", [True, False])
 def test_what_a_waiting_step_holds_is_put_down_where_no_hand_is_free_for_a_handle(is_put_down: bool) -> None:
     can = an_object("DrinkingCan", "http://example.org/#can1")

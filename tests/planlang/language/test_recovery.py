@@ -29,17 +29,19 @@ from planlang import (
     with_failure_handling,
 )
 from planlang import failures as taxonomy
+from planlang.advice import Change
 from planlang.failures import (
     CompositeFailure,
     GraspMissed,
     GripperFailure,
+    LocationUnresolvable,
     LowLevelFailure,
     NavigationFailure,
     ObjectNotFound,
     ObjectNowhereToBeFound,
     ObjectUnfetchable,
 )
-from planlang.language.recovery import matches
+from planlang.language.recovery import advised_changes, matches
 from planlang.misuse import WrongValue
 from tests.support.examples import examples
 
@@ -419,3 +421,10 @@ def test_attempts_is_read_as_the_former_name_of_retries() -> None:
     assert Recovery(GraspMissed, attempts=2) == Recovery(GraspMissed, retries=2)
     with pytest.raises(WrongValue, match="former name of retries"):
         Recovery(GraspMissed, retries=3, attempts=2)
+
+
+def test_the_first_failure_that_states_changes_advises_them() -> None:
+    change = Change("absent", True, "cup1")
+    links = [GraspMissed(), LocationUnresolvable(changes=(change,)), LocationUnresolvable()]
+    assert advised_changes(links) == (change,)
+    assert advised_changes([]) == ()

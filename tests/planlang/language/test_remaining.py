@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import pytest
 from loaded_plans import read
 
 from planlang.designators import a_location, action, an_object, local_name
 from planlang.language.loading import load_plan
 from planlang.language.remaining import remaining_actions
+from planlang.misuse import WrongType
 from planlang.testing import Script, compiled, run_plan
 
 HEAD = """
@@ -131,3 +133,15 @@ def test_of_a_compiled_plan_remains_what_its_recipe_has_behind_the_step() -> Non
     assert [[local_name(one) for one in each] for each in told] == [
         ["LiftBottle", "ParkArm", "ReachToHandoverPose", "HandOverBottle"]
     ]
+
+
+def test_a_plan_that_is_given_what_it_does_not_take_has_nothing_to_tell() -> None:
+    inner = ("@plan", "async def put_back(drawer):", CLOSE)
+    serve = ("@plan", "async def serve():", OPEN, "    await par(partial(put_back, CUP, CAN))")
+    module, told = load_plan(read(HEAD, *inner, *serve)), list[list[str]]()
+    script = Script().on(
+        "OpeningAContainerArtifact", does=lambda belief, action: told.append([str(one) for one in remaining_actions()])
+    )
+    with pytest.raises(WrongType, match="takes 1 positional argument"):
+        run_plan(module.serve, script=script)
+    assert told == [[]]
