@@ -130,8 +130,9 @@ def scoping(
     order = stated.extended(before_next)
     inside: dict[str, list[str]] = {}
     outside: set[str] = set()
+    unscoped = is_moving | alone
     for step in stated.nodes:
-        scope = _scope(order, moving, movers, step) if step not in is_moving | alone else None
+        scope = _scope(order, moving, movers, step) if step not in unscoped else None
         if scope is None:
             outside.add(step)
         else:
