@@ -36,7 +36,8 @@ from planlang.language.plans import Plan
 from planlang.outputs import LARGEST_PLAN, PlanHeader, header
 
 NAMES = ast.Name | ast.Attribute | ast.expr_context
-DESCRIBING = NAMES | ast.Call | ast.keyword | ast.Constant | ast.Tuple | ast.List | ast.BinOp | ast.operator
+OPERATIONS = ast.BinOp | ast.operator | ast.UnaryOp | ast.unaryop
+DESCRIBING = NAMES | OPERATIONS | ast.Call | ast.keyword | ast.Constant | ast.Tuple | ast.List
 """Nodes of expressions that describe something."""
 Scope = Mapping[str, ast.AST]
 """Definitions in the source, by name."""

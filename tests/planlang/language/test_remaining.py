@@ -49,6 +49,12 @@ def test_behind_a_step_remain_the_actions_after_it_with_the_values_of_parameters
     assert told == [[named("ClosingAContainerArtifact", DRAWER)]]
 
 
+def test_a_pose_with_negative_numbers_remains() -> None:
+    drive = '    await perform(action("Translation-LocationChange", x=-1.5, y=0.0, yaw=-0.5))'
+    told = told_at("OpeningAContainerArtifact", "@plan", "async def serve():", OPEN, drive)
+    assert told == [[str(action("Translation-LocationChange", x=-1.5, y=0.0, yaw=-0.5))]]
+
+
 def test_what_remains_of_an_inner_plan_comes_before_what_remains_of_the_outer() -> None:
     told = told_at(
         "OpeningAContainerArtifact",
