@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from difflib import SequenceMatcher
 
@@ -9,12 +10,14 @@ from planlang.designators import local_name
 from planlang.diagnostics import Rename
 from planlang.kept import kept
 from planlang.ontology import Ontology, expand
-from planlang.ontology.terms import RDF
+from planlang.ontology.terms import RDF, RDFS, Literal
 from planlang.recipe.fillers import is_vocabulary_class
 from planlang.spelling import Spellings
 
 SURE = 0.85
 """Minimum similarity (difflib) to correct a name unasked, if no other name is as similar: one letter in seven."""
+
+_BETWEEN_WORDS = re.compile(r"[_\-]+|(?<=[a-z0-9])(?=[A-Z])")
 
 LIKE = 0.7
 """Minimum similarity (difflib) of names, without their common endings, for a suggestion."""
@@ -62,6 +65,23 @@ class Known:
 def classes_of_vocabulary(ontology: Ontology) -> Known:
     """Classes of the bundled vocabulary, for guesses."""
     return Known(filter(is_vocabulary_class, ontology.class_names()))
+
+
+def class_called(ontology: Ontology, written: str) -> Rename | None:
+    """Find the class of the vocabulary that everyday words for it call as a name (IRI) does, ``ChestOfDrawers``."""
+    found = _classes_by_words(ontology).get(_BETWEEN_WORDS.sub(" ", local_name(written)).lower())
+    return None if found is None or found == written else Rename(written, found, is_sure=False)
+
+
+@kept
+def _classes_by_words(ontology: Ontology) -> dict[str, str]:
+    """Labels and everyday words of the vocabulary's classes, in small letters -> the first class with them."""
+    classes: dict[str, str] = {}
+    for triple in (*ontology.triples(p=expand("alsoCalled")), *ontology.triples(p=RDFS.label)):
+        cls, words = triple.subject, triple.object
+        if isinstance(cls, str) and isinstance(words, Literal) and is_vocabulary_class(cls):
+            classes.setdefault(words.value.lower(), cls)
+    return classes
 
 
 @kept

@@ -129,6 +129,23 @@ def test_the_class_of_knowrob_that_begins_with_a_written_name_is_meant(tmp_path:
     assert str(said("check", path)["R049"]).startswith("did you mean `Table-PieceOfFurniture`?")
 
 
+@pytest.mark.parametrize(
+    ("written", "meant"), [("ChestOfDrawers", "Dresser-PieceOfFurniture"), ("Corridor", "RoomInAConstruction")]
+)
+def test_the_class_that_everyday_words_call_so_is_meant(tmp_path: Path, written: str, meant: str) -> None:
+    path = tmp_path / "lay.omn"
+    path.write_text(
+        f"{HEAD}Individual: there Types: knowrob:{written}\n"
+        "Class: Show SubClassOf: knowrob:PurposefulAction, knowrob:subAction some Look, knowrob:subAction some More\n"
+        "Class: Look SubClassOf: knowrob:LookingForSomething, knowrob:objectActedOn value there\n"
+        f"Class: More SubClassOf: knowrob:LookingForSomething, knowrob:objectActedOn some knowrob:{written}\n",
+        encoding="utf-8",
+    )
+    found = said("check", path)
+    assert str(found["R049"]).startswith(f"did you mean `{meant}`?")
+    assert str(found["R033"]).startswith(f"did you mean `{meant}`?")
+
+
 def test_a_task_that_states_no_target_is_not_named_but_the_step_that_needs_one(tmp_path: Path) -> None:
     text = (bundled("recipes") / "serve_a_drink.omn").read_text(encoding="utf-8")
     path = tmp_path / "serve.omn"

@@ -42,7 +42,7 @@ from planlang.recipe.fillers import (
     unread_facts,
     unread_references,
 )
-from planlang.recipe.guesses import SURE, classes_of_vocabulary, guess, names_of_file
+from planlang.recipe.guesses import SURE, class_called, classes_of_vocabulary, guess, names_of_file
 from planlang.recipe.model import Kind, Name, Parameter, Place, Recipe, RecipeSet, Step, Thing
 from planlang.recipe.readers import OUTPUTS
 from planlang.recipe.readers.workflow import is_interval_relation
@@ -349,7 +349,7 @@ def _filler(ontology: Ontology, owner: str, filling: Filling) -> Iterator[Diagno
 def _of_unknown_kind(ontology: Ontology, what: str, term: str, span: Span) -> Diagnostic:
     """Report a filler, or a thing that a place refers to, of an unknown class."""
     cls = next(iter(classes_of(ontology, term)), term)
-    other = classes_of_vocabulary(ontology).guess(cls, SURE)
+    other = classes_of_vocabulary(ontology).guess(cls, SURE) or class_called(ontology, cls)
     is_what = f", of the class `{local_name(cls)}`" if cls != term else ""
     message = f"{what} is `{local_name(term)}`{is_what}, which is not a subclass of a known class; treated as an object"
     advice = f"make `{local_name(cls)}` a subclass of one such as HumanScaleObject, or import the file that does"
@@ -380,8 +380,10 @@ def _literal(ontology: Ontology, owner: str, property_name: str, literal: Litera
 
 
 def _similar(ontology: Ontology, undefined: str) -> Rename | None:
-    """Find a name of the main document, else a class of the vocabulary, that is similar to an undefined one."""
-    return names_of_file(ontology).guess(undefined) or classes_of_vocabulary(ontology).guess(undefined, SURE)
+    """Find a name of the main document or a class of the vocabulary that is like an undefined one, or is so called."""
+    in_file, in_vocabulary = names_of_file(ontology), classes_of_vocabulary(ontology)
+    called = class_called(ontology, undefined)
+    return in_file.guess(undefined, SURE) or called or in_file.guess(undefined) or in_vocabulary.guess(undefined, SURE)
 
 
 def _question(suggestion: Rename | None) -> str:
