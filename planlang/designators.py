@@ -305,8 +305,8 @@ class Condition:
 
 
 def _told(value: object) -> str:
-    """Format a filler; constraints and features in a tuple by their names."""
-    if not isinstance(value, tuple) or not any(isinstance(part, Filler) for part in value):
+    """Format a filler; constraints, features and objects in a tuple by their names."""
+    if not isinstance(value, tuple) or not any(isinstance(part, (Filler, Object)) for part in value):
         return str(value)
     return f"({', '.join(str(getattr(part, 'name', None) or part) for part in value)})"
 

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 from planlang.advice import Change
 from planlang.closure import grouped
-from planlang.designators import Action, Object
+from planlang.designators import Action, FixedPose, Object
 from planlang.plan_failure import PlanFailure as PlanFailure
 from planlang.plan_failure import Where as Where
 from planlang.plan_failure import counts_in_words, in_words
@@ -334,11 +334,15 @@ class LocationUnresolvable(DesignatorFailure):
 
 @dataclass(eq=False, repr=False)
 class BehindClosedDoor(LocationUnresolvable):
-    """The target is behind ``door`` and ``further`` ones of the way, not open far enough, or in a closed drawer."""
+    """The target is behind ``door`` and ``further`` ones of the way, not open far enough, or in a closed drawer.
+
+    ``beyond``: base poses on the other sides of those between rooms that are shut, which belong shut again afterwards.
+    """
 
     what: str | None = field(default=None, kw_only=True)
     door: Object | None = field(default=None, kw_only=True)
     further: tuple[Object, ...] = field(default=(), kw_only=True)
+    beyond: tuple[tuple[Object, FixedPose], ...] = field(default=(), kw_only=True)
 
     def because(self) -> str:
         """``bottle1 is behind door1, which is closed``."""

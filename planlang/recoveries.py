@@ -39,6 +39,7 @@ from planlang.language.location import AGAIN, at_location, make_room
 from planlang.language.performing import perform
 from planlang.language.recovery import PROPAGATE, RETRY, Do, Recovery, RecoveryResult, Return, retry
 from planlang.language.resources import goes_first, hand_freed
+from planlang.language.tidying import passed
 from planlang.misuse import Usage, written
 from planlang.records import dataclass
 
@@ -219,8 +220,9 @@ def open_what_is_in_the_way(what: Object) -> Do:
 
     If the search for places has found that there is one once something else was done, such as closing a drawer that is
     open before it, or opening a door further, that is done first. If no hand is free to open it, what a concurrent step
-    waits with in its hand is put down; that step takes it again. What was opened stays open: the plan may want the
-    robot where it is at its end, and to close a door it would have to leave. A failure with another reason propagates.
+    waits with in its hand is put down; that step takes it again. A door between rooms that was shut is closed again:
+    from its other side, before the body runs again, if no later step leads back through it, else when the plan has
+    succeeded; the run says which stay open. Those of furniture stay open. A failure with another reason propagates.
     """
 
     Usage("open_what_is_in_the_way", {"what": "bottle"}).instance("what", what, Object, "an object")
@@ -234,6 +236,8 @@ def open_what_is_in_the_way(what: Object) -> Do:
             strategy = partial(_put_down_or, step_back) if goes_first() else step_back
             again = Recovery((ContainerStuck, HandleNotReachable), strategy, retries=AGAIN)
             await perform(action("OpeningAContainerArtifact", object_acted_on=door), recoveries=[again])
+            if (beyond := dict(closed.beyond).get(door)) is not None:
+                await passed(door, beyond)
         return RETRY
 
     return open_it

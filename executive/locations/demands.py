@@ -281,10 +281,10 @@ def bodies_in(actions: Iterable[Action], scene: PlanningScene, *others: Location
     """Collect the bodies that actions, and other locations, refer to, as far as they are known."""
     fillers = [filler for one in actions for _, filler in one.properties]
     bodies = scene.supposing(scene.belief.state).bodies  # so that nothing is bound for good
-    return frozenset(name for what in _things([*others, *fillers]) if (name := bodies.known(what)) is not None)
+    return frozenset(name for what in things_in([*others, *fillers]) if (name := bodies.known(what)) is not None)
 
 
-def _things(fillers: Iterable[object]) -> Iterator[Object]:
+def things_in(fillers: Iterable[object]) -> Iterator[Object]:
     """Yield the objects in fillers of properties, including those of locations and situations."""
     for filler in fillers:
         match filler:
@@ -293,9 +293,9 @@ def _things(fillers: Iterable[object]) -> Iterator[Object]:
             case Location():
                 yield from filler.things()
             case Situation():
-                yield from _things(part for _, part in filler.properties)
+                yield from things_in(part for _, part in filler.properties)
             case tuple():
-                yield from _things(filler)
+                yield from things_in(filler)
 
 
 def use_at(goal: Location, body: str, scene: PlanningScene, viewer: Viewer) -> Reach | None:

@@ -176,13 +176,15 @@ class _Explanation:
     def deciding(self) -> str:
         """Select the reason to explain: the most frequent one, unless it only left what is out of reach.
 
-        Hands that collide wherever the base is are counted first; the others decide.
+        Hands that collide wherever the base is are counted first; the others decide. Where the base has room but no way,
+        a doorway that is too narrow decides: beside each thing there are more places without room.
         """
         counts = {reason: number for reason, number in self.log.ordered().items() if reason != NOT_LOOKED_AT}
         bases = sum(counts.get(reason, 0) for reason in BASES)
         if OUT_OF_REACH.text in counts and (self.height() is not None or bases <= 1):  # one: the present base pose
             return OUT_OF_REACH.text
-        return next(iter(counts), NOT_LOOKED_AT)
+        first = next(iter(counts), NOT_LOOKED_AT)
+        return NO_WAY if first == NO_ROOM and counts.get(NO_WAY) and self.narrow is not None else first
 
     def height(self) -> _Limit | None:
         """Find the limit by which the thing is least too high or too low; None if it is neither."""

@@ -10,8 +10,9 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from executive.belief.doorways import AS_FAR_AS_IT_GOES, free_width, gets_past
+from executive.belief.doorways import AS_FAR_AS_IT_GOES, BEYOND, PAST, free_width, gets_past
 from executive.belief.planning_scene import PlanningScene
+from planlang.designators import FixedPose
 from planlang.failures import BehindClosedDoor
 from planlang.geometry import Array
 from sim.joints import Articulation
@@ -37,17 +38,27 @@ def behind_doors(
     doors = _to_open(scene, is_possible, but)
     if not doors:
         return None
-    door, *further = (scene.bodies.designator(one.leaf) for one in doors)
-    first, now = doors[0], scene.belief.joint(doors[0].leaf)
+    door, *further = names = [scene.bodies.designator(one.leaf) for one, _ in doors]
+    first, now = doors[0][0], scene.belief.joint(doors[0][0].leaf)
+    shut = [one.is_shut(scene.belief.joint(one.leaf)) for one, _ in doors]
+    sides = [side if is_shut else None for (_, side), is_shut in zip(doors, shut, strict=True)]
+    beyond = tuple((name, side) for name, side in zip(names, sides, strict=True) if side is not None)
     figures = ""
     if not first.is_shut(now):
         made, free = (f"{free_width(scene, first, value):.2f} m" for value in (first.upper, now))
         figures = f"{first.leaf} stands half-open: opening it further would make {made} instead of {free}"
-    return BehindClosedDoor(designator=wanted, what=what, door=door, further=tuple(further), figures=figures)
+    return BehindClosedDoor(
+        designator=wanted, what=what, door=door, further=tuple(further), beyond=beyond, figures=figures
+    )
 
 
-def _to_open(scene: PlanningScene, is_possible: IsPossible, but: Sequence[str]) -> list[Articulation]:
-    """List the doors to open so that something becomes possible, in the order in which the base gets to them."""
+def _to_open(
+    scene: PlanningScene, is_possible: IsPossible, but: Sequence[str]
+) -> list[tuple[Articulation, FixedPose | None]]:
+    """List the doors to open so that something becomes possible, in the order in which the base gets to them.
+
+    Each with a pose on its other side, as :func:`side_of`.
+    """
     belief = scene.belief
     doors = [
         one
@@ -62,17 +73,33 @@ def _to_open(scene: PlanningScene, is_possible: IsPossible, but: Sequence[str]) 
         others = [one for one in needed if one is not door]
         if is_possible(_opened(scene, others)):
             needed = others
-    ordered: list[Articulation] = []
+    ordered: list[tuple[Articulation, FixedPose | None]] = []
     while needed:
         drivable = scene.collisions.drivable()
         # where a base gets to no handle, opening the door beside it fails and says so
         here = (one for any_side in (False, True) for one in needed if drivable(_before(scene, one, any_side)).any())
         if (nearest := next(here, None)) is None:
             break
-        ordered.append(nearest)
+        ordered.append((nearest, side_of(scene, nearest, there=True)))
         needed = [one for one in needed if one is not nearest]
         scene = _opened(scene, [nearest])
     return ordered
+
+
+def side_of(scene: PlanningScene, door: Articulation, *, there: bool) -> FixedPose | None:
+    """Make a base pose on one side of a door between rooms that faces away from it: ``there`` or here.
+
+    Here is where the base gets to with the door shut; None if that is neither side, or both.
+    """
+    shut = scene.world.scene.body(door.leaf)
+    middle, normal = np.array(shut.pose.position[:2]), shut.pose.rotation[:2, int(np.argmin(shut.size))]
+    reached = scene.supposing(scene.belief.with_leaf(door.leaf, 0.0)).collisions.drivable()
+    ahead, behind = (reached.comes_near(middle + sign * PAST * normal, BEYOND) for sign in (1, -1))
+    if ahead == behind:
+        return None
+    out = normal if ahead != there else -normal
+    x, y = middle + PAST * out
+    return FixedPose(x=float(x), y=float(y), yaw=math.atan2(out[1], out[0]))
 
 
 def to_close(scene: PlanningScene, is_possible: IsPossible) -> str | None:

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from executive.ahead.closing import leads_back
 from executive.ahead.leaving import at_rest, with_in_hand
 from executive.belief import Belief
 from executive.belief.facts import decide
@@ -308,6 +309,8 @@ class RobotExecutive:
                 if state == "open":
                     return any(joint.is_open(value) for joint, value in values)
                 return 0 < len(leaves) == sum(joint.is_shut(value) for joint, value in values)
+            case Condition("leads_back", (Object() as door, FixedPose() as beyond)):
+                return leads_back(self.platform.scene, door, self.platform.base_at(beyond))
             case Condition("located", (Location() as where,)):
                 return self.platform.resolver.holds(where)
             case Condition("located", (Location() as where, Object() as what)):

@@ -67,6 +67,7 @@ from planlang.language.replaying import Replay, replay
 from planlang.language.running import known as run_header
 from planlang.language.running import run
 from planlang.language.source import PlanSource
+from planlang.language.tidying import tidied
 from planlang.ontology import Ontology, load
 from planlang.records import dataclass
 from planlang.runs import Different, Past, RecordedRun, Repetition, Trace, restore
@@ -351,7 +352,7 @@ class Run:
         """The plan with its parameters and budget, for execution and replay."""
 
         async def body() -> Any:
-            return await budget(partial(self.plan, **bound), seconds=self._allowance(bound))
+            return await tidied(partial(budget, partial(self.plan, **bound), seconds=self._allowance(bound)))
 
         body.__name__ = self.plan.name
         vars(body)["iri"] = self.plan.iri

@@ -65,6 +65,8 @@ def line_of(record: Mapping[str, Any]) -> str | None:
             return f"cannot be resumed from here on: a result from outside cannot be stored as JSON: {lost}"
         case {"event": "resumed"}:
             return "resumed"
+        case {"event": "stays open", "name": name, "because": reason}:
+            return f"{name} stays open: {reason}"
         case {"event": "belief", "change": _, "name": _}:
             return f"  belief: {belief_text(record)}"
     return None

@@ -15,6 +15,7 @@ import numpy as np
 
 from executive.ahead.later_steps import reached_through
 from executive.ahead.leaving import at_rest
+from executive.belief.scene_collisions import BasePose
 from executive.locations.headroom import way_out
 from executive.locations.rejections import NO_WAY
 from executive.locations.shut_ways import behind_doors, open_wide
@@ -25,7 +26,7 @@ from executive.modules.platform import Platform
 from executive.modules.runner import Skill, nothing
 from executive.motion import time_curve, time_path
 from executive.robots.arms import ArmModel
-from planlang.designators import Action, Location
+from planlang.designators import Action, FixedPose, Location
 from planlang.failures import (
     ActionUnresolvable,
     ContainerStuck,
@@ -77,9 +78,14 @@ def ways_tried(count: int) -> str:
 class LeafWork(HandWork):
     """Moves one door, drawer, lid or knob by its handle."""
 
-    def __init__(self, platform: Platform, joint: Articulation) -> None:
+    def __init__(self, platform: Platform, joint: Articulation, home: BasePose | None = None) -> None:
+        """``home``: on which side of a door between rooms the base is once that is shut; by default where it is.
+
+        If it is stated, the door is shut only from there.
+        """
         super().__init__(platform)
-        self._joint, self._paths, self._home = joint, LeafPaths(platform.scene, joint), platform.base()
+        self._joint, self._paths, self._home = joint, LeafPaths(platform.scene, joint), home or platform.base()
+        self._only_there = home is not None
         self._later: Location | None = None
         """Where the base stands for the next step that reaches through the leaf while that is open."""
 
@@ -155,7 +161,7 @@ class LeafWork(HandWork):
                 raise HandleNotReachable(f"{HandleNotReachable.text}: {missing} of the class Handle", what=joint.leaf)
             arms = self.hands_for(joint.handle, joint.leaf)
             await self.tuck()
-            self._paths = LeafPaths(self.platform.scene, joint, self._home)
+            self._paths = LeafPaths(self.platform.scene, joint, self._home, only_there=self._only_there)
             found = self._paths.towards(goal, arms, sufficient)
             for path in self.platform.ahead.first(f"how to move {joint.leaf}", found, self._leaves_a_way):
                 yield path
@@ -332,15 +338,18 @@ class Containers(HandWork):
         """Open or close ``object_acted_on``; return the name of the door, drawer or lid.
 
         Furniture is open when one of its leaves is, the nearest that is closed, and closed when all of them are. What
-        is open already is opened further ``all_the_way``.
+        is open already is opened further ``all_the_way``. Doors between rooms are closed from the side where the base
+        is, or where ``to_location`` is, a pose.
         """
         what = self.object_of(action, "open or close")
         opens = "OpeningAContainerArtifact" in self.platform.ancestors(action.type)
         leaves = self.platform.scene.bodies.leaves_of(what, shut=opens)
         if not leaves:
             raise ActionUnresolvable(f"{what} has no door, drawer or lid", designator=str(action))
+        side = action.get("to_location")
+        home = self.platform.base_at(side) if isinstance(side, FixedPose) else None
         for joint in leaves[: 1 if opens else len(leaves)]:
-            work = LeafWork(self.platform, joint)
+            work = LeafWork(self.platform, joint, home)
             if opens and action.get("all_the_way"):
                 await work.open_further()
             else:

@@ -88,10 +88,12 @@ class LeafPath:
 class LeafPaths:
     """Search for paths that move one leaf; ``rejected`` counts why base poses were rejected."""
 
-    def __init__(self, scene: PlanningScene, joint: Articulation, home: BasePose | None = None) -> None:
-        """``home``: where the base was when the motions began; it stays on that side of a door that it shuts."""
+    def __init__(
+        self, scene: PlanningScene, joint: Articulation, home: BasePose | None = None, *, only_there: bool = False
+    ) -> None:
+        """``home``: on which side the base stays of a door that it shuts; with ``only_there`` by no means elsewhere."""
         self._scene, self._joint, self._standing = scene, joint, Standing(scene)
-        self._home = scene.base() if home is None else home
+        self._home, self._only_there = scene.base() if home is None else home, only_there
         self.poses = self._standing.poses
         self.rejected, self._tried = self.poses.log, tuple[ArmModel, ...]()
         self._values, self._enough = np.zeros(0), 0
@@ -268,7 +270,8 @@ class LeafPaths:
         if joint.frame and values[-1] < values[0]:
             out = shut_out(self._scene, joint, self._home, bases)
             ajar = int((values > AJAR * joint.upper).sum())
-            steps = np.where(out & (ajar > PART * len(values)), np.minimum(steps, ajar), steps)
+            most = ajar if ajar > PART * len(values) else 0 if self._only_there else len(values)
+            steps = np.where(out, np.minimum(steps, most), steps)
         order = np.lexsort((strain.round(6), ~coarse, -np.minimum(steps, enough), out, self._beyond(joint, bases)))
         order = order[steps[order] > 1]
         return bases[order], steps[order]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Awaitable, Callable
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -25,12 +27,32 @@ from planlang import (
 )
 from planlang.designators import Condition, a_location, a_posture, action
 from planlang.failures import BehindClosedDoor, HandleNotReachable, NavigationPoseUnreachable, ObjectUnreachable
+from planlang.language.branches import Branch
+from planlang.language.loading import load_plan
+from planlang.language.source import PlanSource
+from planlang.language.tidying import tidied
 from planlang.runs import Past, RecordedRun, restore
 from sim.truth import held_by
 from tests.support.extras import skip_without_pr2
 from tests.support.leaves import Room
 from tests.support.room_doors import HERE, THERE, RoomDoor, flat
 
+THERE_AND_BACK = """
+from planlang import Recovery, open_what_is_in_the_way, perform, plan
+from planlang.designators import a_location, action, an_object
+from planlang.failures import BehindClosedDoor
+
+TABLE = an_object("KitchenTable", "http://example.org/flat.owl#table")
+
+
+@plan
+async def there_and_back():
+    await perform(
+        action("Translation-LocationChange", to_location=a_location(near=TABLE)),
+        recoveries=[Recovery(BehindClosedDoor, open_what_is_in_the_way(TABLE))],
+    )
+    await perform(action("Translation-LocationChange", x=-1.5, y=0.0, yaw=0.0))
+"""
 OPEN, CLOSE = "OpeningADoor", "ClosingADoor"
 
 
@@ -40,8 +62,8 @@ def table(x: float) -> str:
     return f"Individual: table\n    Types: knowrob:KitchenTable\n    {facts}\n"
 
 
-def drive_to_the_table(stage: Room) -> None:
-    """Drive near the table, through doors that are opened on the way."""
+def drive_to_the_table(stage: Room, around: Callable[[Branch], Awaitable[None]] | None = None) -> None:
+    """Drive near the table, through doors that are opened on the way; ``around`` runs the plan."""
     what = stage.designator("table")
 
     async def go() -> None:
@@ -50,7 +72,8 @@ def drive_to_the_table(stage: Room) -> None:
     async def plan() -> None:
         await with_failure_handling(go, Recovery(BehindClosedDoor, open_what_is_in_the_way(what)))
 
-    run(plan, host=SimulationHost(stage.truth), executive=stage.executive, max_steps=30_000)
+    body = plan if around is None else partial(around, plan)
+    run(body, host=SimulationHost(stage.truth), executive=stage.executive, max_steps=30_000)
 
 
 def drive(stage: Room, pose: tuple[float, float, float]) -> None:
@@ -114,6 +137,25 @@ def test_all_closed_doors_of_a_row_of_rooms_are_named_and_opened_in_their_order(
     assert (shut.value.door, shut.value.further) == (stage.designator("door"), (stage.designator("door_2"),))
     drive_to_the_table(stage)
     assert stage.truth.configuration().base[0] > 4.2
+
+
+@pytest.mark.long
+def test_doors_on_the_way_are_closed_behind_the_robot_before_it_drives_on(stack: ExitStack, tmp_path: Path) -> None:
+    stage = flat(stack, RoomDoor(more=table(7.6) + RoomDoor().next_room()), tmp_path)
+    drive_to_the_table(stage, tidied)
+    assert stage.truth.configuration().base[0] > 4.2
+    assert (stage.truth.joint("door") < 0.05, stage.truth.joint("door_2") < 0.05) == (True, True)
+
+
+@pytest.mark.long
+def test_what_later_steps_need_open_is_closed_in_the_end_and_the_base_is_back_in_its_place(
+    stack: ExitStack, tmp_path: Path
+) -> None:
+    stage = flat(stack, RoomDoor(more=table(7.6) + RoomDoor().next_room()), tmp_path)
+    module = load_plan(PlanSource(THERE_AND_BACK, "there_and_back.py"))
+    run(partial(tidied, module.there_and_back), host=SimulationHost(stage.truth), executive=stage.executive)
+    assert stage.truth.configuration().base == pytest.approx(HERE, abs=0.01)
+    assert (stage.truth.joint("door") < 0.05, stage.truth.joint("door_2") < 0.05) == (True, True)
 
 
 @pytest.mark.long

@@ -1,0 +1,97 @@
+"""Process module that closes doors between rooms again, and goes back to where the plan had brought the robot."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+import numpy as np
+
+from executive.belief.doorways import BEYOND
+from executive.belief.scene_collisions import BasePose
+from executive.locations.shut_ways import side_of
+from executive.modules.platform import PlatformModule
+from planlang.designators import Action, FixedPose, Object, action
+from planlang.failures import (
+    ActionUnresolvable,
+    ContainerStuck,
+    DesignatorFailure,
+    EnvironmentManipulationFailure,
+    HandleNotReachable,
+    ManipulationFailure,
+    NavigationFailure,
+    PlanFailure,
+)
+from planlang.geometry.matrices import apart
+from planlang.kernel import checkpoint
+from planlang.language.performing import perform
+from planlang.language.process_module import process_module
+from planlang.language.recovery import Recovery
+from planlang.recoveries import step_back_and_repeat
+
+NEARBY = 0.01
+"""Distance and turn up to which the base counts as being where it was [m, rad]."""
+
+
+@process_module
+class ClosingAgain(PlatformModule):
+    """Closes doors that were opened only so that the robot gets through; the base is back in its place afterwards."""
+
+    name = "closing_again"
+    actions = ("ClosingDoorsAgain",)
+    failures = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, DesignatorFailure)
+
+    async def execute(self, request: Action) -> tuple[str, ...]:
+        """Close those of ``object_acted_on`` that are open, the farthest first; return the names of those that are not.
+
+        Each is closed from the side of the base's place, so that the base gets back there. Of one that stays open the
+        trace, and the run's progress, say why. Raises a NavigationFailure if the base does not get back.
+        """
+        await checkpoint()
+        scene, place, stay_open = self.platform.scene, self.platform.base(), list[str]()
+        doors = {scene.bodies.bind(one): one for one in self._doors(request)}
+        joints = {leaf: scene.belief.joints[leaf] for leaf in doors if scene.belief.is_left_open(leaf)}
+        sides = {leaf: side_of(scene, joint, there=False) for leaf, joint in joints.items()}
+        while sides:
+            leaf = self._next(sides)
+            try:
+                await self._close(doors[leaf], sides.pop(leaf))
+                await self._keep_way(doors[leaf], place)
+            except PlanFailure as failure:
+                with suppress(PlanFailure):  # what it is now may be in the way
+                    await self._keep_way(doors[leaf], place)
+                stay_open.append(leaf)
+                scene.belief.tell("stays open", {"name": leaf, "because": str(failure)})
+        if any(one > NEARBY for one in apart(place, self.platform.base())):
+            x, y, yaw = place
+            await perform(action("Translation-LocationChange", x=x, y=y, yaw=yaw))
+        return tuple(stay_open)
+
+    def _doors(self, request: Action) -> tuple[Object, ...]:
+        """Read the doors of an action."""
+        what = request.get("object_acted_on")
+        doors = what if isinstance(what, tuple) else (what,)
+        if not all(isinstance(one, Object) for one in doors):
+            raise ActionUnresolvable("name the doors to close again as object_acted_on", designator=str(request))
+        return tuple(one for one in doors if isinstance(one, Object))
+
+    def _next(self, sides: dict[str, FixedPose | None]) -> str:
+        """Choose the door that is closed next: with it shut the base gets to all the others, the last opened first."""
+        belief = self.platform.scene.belief
+        for leaf in reversed(sides):
+            shut = self.platform.scene.supposing(belief.with_leaf(leaf, 0.0)).collisions.drivable()
+            if all(
+                shut.comes_near(np.array([side.x, side.y]), BEYOND) for other, side in sides.items() if other != leaf
+            ):
+                return leaf
+        return next(reversed(sides))
+
+    async def _keep_way(self, door: Object, place: BasePose) -> None:
+        """Open a door again that parts the base from its place. Raises ContainerStuck then."""
+        if not self.platform.scene.collisions.drivable()(np.array([place]))[0]:
+            await perform(action("OpeningAContainerArtifact", object_acted_on=door))
+            raise ContainerStuck("shut, it would part the robot from its place", what=str(door))
+
+    async def _close(self, door: Object, side: FixedPose | None) -> None:
+        again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(door))
+        properties = {"object_acted_on": door} if side is None else {"object_acted_on": door, "to_location": side}
+        await perform(action("ClosingAContainerArtifact", **properties), recoveries=[again])

@@ -1,0 +1,52 @@
+"""Tidying: doors that are opened only so that the robot gets through are closed again where they were closed.
+
+A recovery that opens a door closes it behind the robot at once, if no later step leads back through it. Otherwise the
+door is owed: after the plan has succeeded, what is still owed is closed, and the robot goes back to where the plan has
+brought it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from contextvars import ContextVar
+from typing import TypeVar
+
+from planlang.designators import Condition, FixedPose, Object, action
+from planlang.failures import PlanFailure
+from planlang.language.executive import executive_for
+from planlang.language.performing import perform
+
+V = TypeVar("V")
+
+_owed: ContextVar[dict[Object, None] | None] = ContextVar("doors to close again", default=None)
+"""Doors that stand open for later steps, in the order in which they were opened."""
+
+
+async def tidied(body: Callable[[], Awaitable[V]]) -> V:
+    """Run a body; when it has succeeded, close the doors that :func:`passed` has left open in it."""
+    owed = dict[Object, None]()
+    token = _owed.set(owed)
+    try:
+        result = await body()
+    finally:
+        _owed.reset(token)
+    if owed:
+        await perform(action("ClosingDoorsAgain", object_acted_on=tuple(owed)))
+    return result
+
+
+async def passed(door: Object, beyond: FixedPose) -> None:
+    """Close a door from ``beyond``, its other side, if no later step leads back through it; else after the plan.
+
+    The robot drives through it for that. Also after the plan if a hand is not empty, if the door cannot be closed from
+    there, or if another one is left open, to which a later step leads. Without effect outside of :func:`tidied`.
+    """
+    owed, executive = _owed.get(), executive_for("passed")
+    if owed is None:
+        return
+    if not owed and not executive.held() and not executive.holds(Condition("leads_back", (door, beyond))):
+        with suppress(PlanFailure):
+            await perform(action("ClosingAContainerArtifact", object_acted_on=door, to_location=beyond))
+            return
+    owed[door] = None

@@ -1,0 +1,76 @@
+"""Doors that are opened only so that the robot gets through are closed again: in scripted plans, without a world."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import pytest
+
+from planlang import Recovery, open_what_is_in_the_way, perform, with_failure_handling
+from planlang.designators import Condition, FixedPose, Object, action, an_object
+from planlang.failures import BehindClosedDoor, ContainerStuck, ObjectUnreachable, PlanFailure
+from planlang.language.tidying import tidied
+from planlang.testing import Script, run_plan
+
+CUP = an_object("Cup", "http://example.org/#cup1")
+ONE, TWO = (an_object("Door", f"http://example.org/#door{number}") for number in (1, 2))
+BEYOND = FixedPose(x=1.0)
+OPEN, CLOSE, AGAIN = "OpeningAContainerArtifact", "ClosingAContainerArtifact", "ClosingDoorsAgain"
+
+
+def fetching(*doors: Object, shut: bool = True) -> Callable[[], Awaitable[Any]]:
+    """A plan that fetches a cup from behind doors, within what is tidied."""
+    failure = ObjectUnreachable(what="cup1")
+    beyond = tuple((door, BEYOND) for door in doors) if shut else ()
+    failure.__cause__ = BehindClosedDoor(what="cup1", door=doors[0], further=doors[1:], beyond=beyond)
+    left: list[PlanFailure] = [failure]
+
+    async def fetch() -> None:
+        if left:
+            raise left.pop()
+        await perform(action("ClosingAGripper", object_acted_on=CUP))
+
+    async def plan() -> None:
+        await with_failure_handling(fetch, Recovery(ObjectUnreachable, open_what_is_in_the_way(CUP)))
+
+    return lambda: tidied(plan)
+
+
+def script(*needed: Object) -> Script:
+    """A robot that closes doors after the plan; later steps need some of them."""
+    made = Script().performs(AGAIN)
+    for door in needed:
+        made.fact(str(Condition("leads_back", (door, BEYOND))))
+    return made
+
+
+def test_a_door_that_no_later_step_needs_is_closed_from_its_other_side_before_the_step_runs_again() -> None:
+    run = run_plan(fetching(ONE), script=script())
+    assert run.failure is None
+    assert run.happened_before(CLOSE, "ClosingAGripper")
+    assert (run.attempts(CLOSE), run.attempts(AGAIN)) == (1, 0)
+
+
+@pytest.mark.parametrize("doors", [(ONE,), (ONE, TWO)])
+def test_doors_that_later_steps_need_are_closed_when_the_plan_has_succeeded(doors: tuple[Object, ...]) -> None:
+    run = run_plan(fetching(*doors), script=script(ONE))
+    assert run.happened_before("ClosingAGripper", AGAIN)
+    assert (run.attempts(OPEN), run.attempts(CLOSE), run.attempts(AGAIN)) == (len(doors), 0, 1)
+
+
+def test_a_door_that_cannot_be_closed_from_its_other_side_is_tried_again_after_the_plan() -> None:
+    run = run_plan(fetching(ONE), script=script().on(CLOSE, fails=ContainerStuck))
+    assert run.failure is None
+    assert (run.attempts(CLOSE), run.attempts(AGAIN)) == (1, 1)
+
+
+def test_a_door_that_was_open_before_is_left_open() -> None:
+    run = run_plan(fetching(ONE, shut=False), script=script())
+    assert (run.attempts(OPEN), run.attempts(CLOSE), run.attempts(AGAIN)) == (1, 0, 0)
+
+
+def test_a_failed_plan_closes_no_door() -> None:
+    run = run_plan(fetching(ONE), script=script(ONE).on("ClosingAGripper", fails=ContainerStuck))
+    assert isinstance(run.failure, ContainerStuck)
+    assert run.attempts(AGAIN) == 0
