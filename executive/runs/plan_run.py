@@ -46,7 +46,7 @@ from executive.runs.plan_files import (
 from executive.runs.prepared import Inputs, RunFiles, prepared, read_environment
 from executive.runs.remedies import able_robots, absent_things, call_of, call_to_pass_on, performing
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256, versions
-from executive.runs.written import WatchedWorld, Written, bodies_of
+from executive.runs.written import WatchedWorld, Written, bodies_of, still_held
 from planlang.designators import Action, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.failures import (
@@ -424,7 +424,9 @@ class Run:
         finally:
             trace.close()
             written.save(outcome.value, message, failed)
-        state = tuple(state_lines(truth, bodies_of(bound, executive.platform.belief, truth)))
+        platform = executive.platform
+        held = still_held(platform) if outcome is not Outcome.DONE else {}
+        state = tuple(state_lines(truth, bodies_of(bound, platform.belief, truth), held))
         return RunResult(
             outcome,
             message,
