@@ -79,9 +79,8 @@ class ClosingAgain(PlatformModule):
         belief = self.platform.scene.belief
         for leaf in reversed(sides):
             shut = self.platform.scene.supposing(belief.with_leaf(leaf, 0.0)).collisions.drivable()
-            if all(
-                shut.comes_near(np.array([side.x, side.y]), BEYOND) for other, side in sides.items() if other != leaf
-            ):
+            others = [side for other, side in sides.items() if other != leaf and side is not None]
+            if all(shut.comes_near(np.array([side.x, side.y]), BEYOND) for side in others):
                 return leaf
         return next(reversed(sides))
 
