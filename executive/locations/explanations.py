@@ -176,8 +176,8 @@ class _Explanation:
     def deciding(self) -> str:
         """Select the reason to explain: the most frequent one, unless it only left what is out of reach.
 
-        Hands that collide wherever the base is are counted first; the others decide. Where the base has room but no way,
-        a doorway that is too narrow decides: beside each thing there are more places without room.
+        Hands that collide wherever the base is are counted first; the others decide. Where the base has room but no
+        way, a doorway that is too narrow decides: beside each thing there are more places without room.
         """
         counts = {reason: number for reason, number in self.log.ordered().items() if reason != NOT_LOOKED_AT}
         bases = sum(counts.get(reason, 0) for reason in BASES)
