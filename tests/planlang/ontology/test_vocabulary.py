@@ -200,6 +200,7 @@ def test_every_primitive_names_a_class_a_module_and_a_resource(vocabulary: Ontol
         "OperateOven",
         "CheckingWhetherConditionObtains",
         "SteppingBack",
+        "ClosingDoorsAgain",
         "EnvironmentExploration",
         "ITaSCMotion",
         "CirclingMotion",
