@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +69,10 @@ class Field:
         return np.asarray(((distances > least - CELL) & (distances < most + CELL)).any(axis=1)[which.ravel()])
 
 
+SURELY = 0.003
+"""Distance of the robot's outlines from all boxes at which exact checks find no contact [m]."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Floor:
     """Free floor of a robot: boxes of the world, the robot's silhouette and outlines, bounds of the map."""
@@ -103,6 +108,13 @@ class Floor:
         tight = np.flatnonzero(~free & (least > -TOUCHING))
         free[tight] = stands_in_none(bases[tight], self.boxes, self.outlines)
         return np.asarray(free & self._on_map(bases[:, :2]))
+
+    def surely_holds(self, bases: Array) -> NDArray[np.bool_]:
+        """Mark the base poses (m, 3) at which no exact check is needed: the robot is :data:`SURELY` off everything."""
+        reach, (low, high) = max(r for _, _, r in self.silhouette) + SURELY, (bases[:, :2].min(0), bases[:, :2].max(0))
+        near = self.boxes.only(np.flatnonzero(self.boxes.beyond(low, high, np.arange(len(self.boxes))) < reach))
+        grown = Boxes(near.centres, near.half_extents + TOUCHING + SURELY, near.yaws)
+        return replace(self, boxes=grown).holds(bases)
 
     def field(self, centre: tuple[float, float], yaw: float, reach: float) -> Field:
         """Build the grid around a map position that covers a circle of radius ``reach`` [m]."""

@@ -11,7 +11,7 @@ import numpy as np
 from executive.belief.scene_collisions import BasePose
 from executive.belief.scene_floor import SLACKS
 from executive.modules.commanding import Control
-from executive.motion import Grid, MotionError, NoPath, clearance_at, clearance_field, plan_base_path, time_path
+from executive.motion import Grid, MotionError, NoPath, clearance_field, plan_base_path, time_path
 from executive.motion.base_path import plan_tight_path
 from executive.motion.floods import SPARE
 from planlang.geometry import Array
@@ -64,13 +64,15 @@ class Drive:
         """Plan a path on a grid, as :meth:`path`."""
         control = self._control
         scene, radius, start = control.scene, control.robot.base.radius, control.base()
-        silhouette = scene.world.silhouette()
+        silhouette, floor = scene.world.silhouette(), scene.collisions.whole()
         room = clearance_field(grid, scene.collisions.obstacles(), silhouette)
 
         def touching(x: float, y: float, yaw: float) -> Sequence[tuple[str, str]]:
+            if (x, y, yaw) in (start, goal):
+                return self._touching(x, y, yaw)
             cell = grid.cell(x, y)
-            is_roomy = (x, y, yaw) not in (start, goal) and cell is not None and room[cell] > ROOMY + grid.resolution
-            return () if is_roomy else self._touching(x, y, yaw)
+            is_roomy = cell is not None and room[cell] > ROOMY + grid.resolution
+            return () if is_roomy or floor.surely_holds(np.array([[x, y, yaw]]))[0] else self._touching(x, y, yaw)
 
         def roomy(room: Array, checks: float) -> Array:
             return plan_base_path(start, goal, grid, room, touching, resolution=checks)
@@ -79,7 +81,7 @@ class Drive:
             if not scene.collisions.may_reach(goal):
                 raise NoPath(start, goal, {"exact checks": 0, "attempts": 0})
             free = scene.collisions.free(scene.collisions.whole(), grid)[SLACKS.index(slack)]
-            return plan_tight_path(start, goal, grid, free, touching, checks)
+            return plan_tight_path(start, goal, grid, free, touching, checks, floor.surely_holds)
 
         plans: list[Callable[[float], Array]] = [partial(roomy, room), partial(tight, -SPARE), partial(tight, 0.0)]
         if scene.space is not None:
@@ -96,11 +98,11 @@ class Drive:
     def _timed(self, goal: BasePose, plan: Callable[[float], Array]) -> Trajectory:
         """Time the path that ``plan`` finds for a spacing of checks [m]; refine until it is free between checks too."""
         control, scene = self._control, self._control.scene
-        obstacles, silhouette = scene.collisions.obstacles(), scene.world.silhouette()
+        floor = scene.collisions.whole()
         for factor in FINER:
             trajectory = self.timed(plan(CHECKS * factor))
             rows = trajectory.positions[1:]
-            close = rows[clearance_at(rows[:, :2], obstacles, silhouette) < ROOMY]
+            close = rows[~floor.surely_holds(rows)]
             if not any(self._touching(*row) for row in close.tolist()):
                 return trajectory
         raise NoPath(control.base(), goal, {"finer checks": len(FINER)})

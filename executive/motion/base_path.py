@@ -16,7 +16,7 @@ from itertools import islice, pairwise
 
 import numpy as np
 
-from executive.motion.clearance import Grid
+from executive.motion.clearance import Grid, Mask
 from executive.motion.errors import GoalInCollision, NoPath, OutsideLimits, StartInCollision
 from executive.motion.floods import EVERY, Cell, Poses, around, flood, has
 from executive.motion.outlines import HEADINGS, TURN
@@ -328,21 +328,29 @@ def plan_tight_path(
     free: Poses,
     touching: Touching,
     resolution: float,
+    surely_free: Callable[[Array], Mask] | None = None,
 ) -> Array:
     """Plan waypoints (n, 3) of x, y [m] and yaw [rad] from start to goal; yaw is continuous.
 
     ``free`` holds the poses with room. ``touching(x, y, yaw)`` is called at steps of ``resolution`` [m, rad] along the
     path; steps that touch something are removed and the path is planned again, at most :data:`TIGHT_REPLANS` times.
-    Raises :class:`NoPath` with counts.
+    ``surely_free`` marks poses (m, 3) of which it need not be asked. Raises :class:`NoPath` with counts.
     """
     free, turns, known = free.copy(), np.full_like(free, EVERY), dict[Planar, bool]()
 
     def hits(path: Array) -> list[Planar]:
         poses = list(poses_along(path, resolution))
+        rule_out(poses)
         for pose in poses:
             if pose not in known:
                 known[pose] = bool(touching(*pose))
         return [pose for pose in poses if known[pose]]
+
+    def rule_out(poses: Sequence[Planar]) -> None:
+        new = [pose for pose in dict.fromkeys(poses) if pose not in known and pose not in (start, goal)]
+        if new and surely_free is not None:
+            marked = zip(new, surely_free(np.array(new)).tolist(), strict=True)
+            known.update((pose, False) for pose, is_free in marked if is_free)
 
     def connected(pose: Planar) -> list[Cell]:
         cells = (cell for cell in around(pose, grid) if has(free, cell))
@@ -357,7 +365,9 @@ def plan_tight_path(
         path = _path(start, goal, grid, cells)
         if not hits(pulled := _straightened(path, grid, free)):
             return pulled
-        blocked = [(a, b) for a, b in pairwise(cells) if hits(_path(None, None, grid, [a, b]))]
+        steps = [(a, b, _path(None, None, grid, [a, b])) for a, b in pairwise(cells)]
+        rule_out([pose for *_, step in steps for pose in poses_along(step, resolution)])
+        blocked = [(a, b) for a, b, step in steps if hits(step)]
         if not blocked:
             return path
         for a, b in blocked:

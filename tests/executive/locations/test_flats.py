@@ -90,3 +90,18 @@ def test_a_base_is_near_a_table_only_on_this_side_of_a_wall() -> None:
         assert platform.resolver.satisfies(a_location(not_=near), behind_the_wall) is not None
         stated = a_location(near=Object("SpatialThing", "table"), within=1.5)
         assert platform.resolver.satisfies(stated, behind_the_wall) is not None
+
+
+@pytest.mark.parametrize(("robot", "carries"), [("amigo", False), ("amigo", True), ("pr2", True)])
+def test_where_the_outlines_are_off_everything_an_exact_check_finds_no_contact(robot: str, carries: bool) -> None:
+    skip_without_pr2(robot)
+    drawn = flat(1, (0.8, 0.8))
+    with ExitStack() as stack:
+        platform = in_flat(stack, drawn, robot, carries=carries)
+        collisions, rng = platform.scene.collisions, np.random.default_rng(0)
+        x_min, y_min, x_max, y_max = platform.scene.world.scene.bounds
+        bases = rng.uniform((x_min, y_min, -np.pi), (x_max, y_max, np.pi), (300, 3))
+        surely = collisions.whole().surely_holds(bases)
+        free = np.array([not collisions.contacts((x, y, yaw)) for x, y, yaw in bases.tolist()])
+        assert not (surely & ~free).any()
+        assert surely.sum() > 0.8 * (free & collisions.whole().fits(bases[:, :2])).sum()
