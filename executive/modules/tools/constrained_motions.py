@@ -19,8 +19,7 @@ from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations import Rejections
 from executive.locations.changes import Changes
-from executive.locations.shut_ways import behind_doors
-from executive.locations.standing import Standing
+from executive.locations.shut_ways import check_way_to
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.platform import Platform
 from executive.modules.runner import Skill, nothing
@@ -199,34 +198,19 @@ class ConstrainedWork(HandWork):
         return not self.platform.robot.base.fixed
 
     async def _look(self, grounding: Grounding) -> None:
-        """Look at world objects not seen since the base moved, and record their first seen poses in the phase.
-
-        Raises BehindClosedDoor for one to which the base cannot get.
-        """
+        """Look at world objects not seen since the base moved, and note first poses. Raises BehindClosedDoor."""
         belief, phase = self.platform.belief, grounding.phase
         for name in grounding.world_things():
             if name in phase.things or name in belief.held:
                 continue
             if not belief.seen_from_here(name):
-                self._check_doors(name)
+                check_way_to(self.platform.scene, name)
                 with suppress(PerceptionFailure, LookingFailure):
                     bind = self.platform.scene.bodies.bind
                     what = next(one.world.of for one in grounding.constraints if bind(one.world.of) == name)
                     await perform(action("LookingForSomething", object_acted_on=what))
             if belief.seen_from_here(name) or self.platform.robot.camera is None:
                 phase.things[name] = belief.pose(name)
-
-    def _check_doors(self, name: str) -> None:
-        """Raise BehindClosedDoor if doors between rooms keep the base from everywhere near a body."""
-        scene, arms = self.platform.scene, self.platform.scene.arms.all
-        if not self._is_mobile() or not any(one.frame for one in scene.belief.joints.values()):
-            return
-
-        def is_near(scene: PlanningScene) -> bool:
-            return next(Standing(scene).before(scene.bodies.block(name).centre[:2], arms), None) is not None
-
-        if not is_near(scene) and (behind := behind_doors(scene, is_near, name, f"the base near {name}")) is not None:
-            raise behind
 
     def _free(self, motion: GroundedMotion) -> Iterator[BasePose]:
         """Yield free base poses in front of the objects of the constraints, near ones first."""
