@@ -14,7 +14,7 @@ import numpy as np
 from planlang.geometry import Array, Pose
 from sim import Body, Scene
 from sim.joints import Articulation, JointKind
-from tests.benchmarks.homes.certificates import areas, carries, joint_of, outward
+from tests.benchmarks.homes.certificates import areas, between, carries, joint_of, outward
 from tests.benchmarks.homes.floor import Floor, stays
 from tests.benchmarks.homes.grips import Grips
 from tests.benchmarks.homes.nearest import MET, Aim, Nearest
@@ -89,7 +89,7 @@ class Approaches:
         match need.kind:
             case "grasp":
                 joint = next((one for one in scene.joints if is_drawer(one) and carries(scene, one.leaf, body)), None)
-                return {body.name: Aim(_along(joint, body.pose), _held(body) + GROWN)}, joint
+                return {body.name: Aim(_along(joint, body.pose), _held(body) + GROWN, None, between(body))}, joint
             case "open":
                 joint = joint_of(scene, need.thing)
                 if joint.first > joint.last_shut or need.either:
@@ -97,7 +97,9 @@ class Approaches:
                 handles = map(scene.body, joint.handles or (joint.leaf,))
                 leaf = scene.body(joint.leaf)
                 return {
-                    one.name: Aim([one.pose], np.array(one.size) / 2 + GROWN, outward(joint, leaf, leaf.pose, one.pose))
+                    one.name: Aim(
+                        [one.pose], np.array(one.size) / 2 + GROWN, outward(joint, leaf, leaf.pose, one.pose), one.size
+                    )
                     for one in handles
                 }, joint
             case "press":

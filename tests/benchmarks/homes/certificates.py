@@ -53,6 +53,8 @@ AT_FIRST, THEN = (0,), (1, 2, 3, 4, 5)
 """Sets of postures that yield to contacts, before and after those drawn at random."""
 CLEAR, EXACT = 0.001, 0.0008
 """Distance that they keep from everything, and what remains of it where one is good [m]."""
+NEAR_OVER = 0.02
+"""Half the extents of the place where a hand is that pours, wipes or hands over [m]."""
 WELL_IN = 0.6
 """Share of the extents of a thing within which its grip is."""
 PAST = 0.35
@@ -112,7 +114,7 @@ class Search:
                 spots = list(self.spots(scene, body, need.at, 0.06, TURNED, -0.02, moved))
                 self.rng.shuffle(spots)  # type: ignore[arg-type]  # poses are not to be an array
                 moved[body.name] = body.pose
-                some = Aim(spots[:SPOTS], np.array(body.size) / 2 * WELL_IN)
+                some = Aim(spots[:SPOTS], np.array(body.size) / 2 * WELL_IN, None, between(body))
                 if spots and self._yields(some, body, AT_FIRST, self.until):
                     return True
                 for spot in itertools.takewhile(lambda _: time.process_time() < self.until, spots[:SPOTS]):
@@ -146,7 +148,7 @@ class Search:
         """Return True if some arm gets to a thing, before it, and lifts it; two of them if it takes two."""
         if body.hands > 1:
             return self._grasps_with_two(body, pose, share)
-        aim = Aim([pose], np.array(body.size) / 2 * WELL_IN)
+        aim = Aim([pose], np.array(body.size) / 2 * WELL_IN, None, between(body))
         hands = [self.grips.at_thing(arm, body, pose) for arm in self.oracle.robot.arms]
         return self._taken(aim, hands, body, pose, share)
 
@@ -170,7 +172,8 @@ class Search:
                 for pitch in PITCHES
             ]
             hands.append(np.concatenate([around(arm, point, np.array(way))[::4] for way in ways]))
-        return self._reached(hands, None)
+        there = Aim([Pose((float(point[0]), float(point[1]), float(point[2])))], np.full(3, NEAR_OVER))
+        return self._yields(there, None, AT_FIRST, self.until) or self._reached(hands, None)
 
     def _opens(self, leaf: str, scene: Scene, moved: dict[str, Pose]) -> bool:
         """Return True if some hand gets to a leaf's handle, shut, half open and open, from where a base can stand."""
@@ -186,7 +189,7 @@ class Search:
         body, pose = scene.body(handle), moved[handle]
         normal = outward(joint_of(scene, leaf), scene.body(leaf), moved[leaf], pose)
         hands = [self.grips.at_bar(arm, pose, body.size, slants(-normal)) for arm in self.oracle.robot.arms]
-        return self._taken(Aim([pose], np.array(body.size) / 2, normal), hands, body, pose, share)
+        return self._taken(Aim([pose], np.array(body.size) / 2, normal, body.size), hands, body, pose, share)
 
     def _lead(self, scene: Scene, leaf: str, share: float, moved: dict[str, Pose]) -> None:
         """Open a leaf, with what lies in it if it is a drawer."""
@@ -247,7 +250,7 @@ class Search:
                     return True
         return False
 
-    def _yields(self, aim: Aim, body: Body, seeds: Sequence[int], until: float) -> bool:
+    def _yields(self, aim: Aim, body: Body | None, seeds: Sequence[int], until: float) -> bool:
         """Return True if an arm gets to a body at one of some poses, and lifts it, by postures that yield to contacts.
 
         Afterwards the body is at one of them.
@@ -255,7 +258,8 @@ class Search:
         ways = self._ways()
 
         def put(box: int) -> None:
-            self.oracle.move(body.name, aim.poses[box])
+            if body is not None:
+                self.oracle.move(body.name, aim.poses[box])
 
         for seed, arm in itertools.product(seeds, self.oracle.robot.arms):
             if arm.gripper is None or time.process_time() > until:
@@ -273,7 +277,9 @@ class Search:
                 x, y, yaw = base.tolist()
                 tip = Pose.planar(x, y, yaw).matrix() @ chain.forward(q[None])[0][0]
                 hands = self.grips.from_tip(arm, tip, body, aim.poses[box])
-                if hands is not None and way_from(self.oracle, ways, arm, chain, (x, y, yaw), hands, q, body.name):
+                if hands is not None and way_from(
+                    self.oracle, ways, arm, chain, (x, y, yaw), hands, q, body and body.name
+                ):
                     return True
         return False
 
@@ -399,6 +405,11 @@ def carries(scene: Scene, leaf: str, body: Body) -> bool:
     if joint.kind is not JointKind.PRISMATIC and joint.holder is not None:
         within = scene.body(joint.holder)
     return _is_in(within, body)
+
+
+def between(body: Body) -> tuple[float, float, float] | None:
+    """Return the extents of what fingers are put around; None if they take it by an edge, or it gives way."""
+    return None if body.wall or body.soft or body.handles or body.hands > 1 else body.size
 
 
 def outward(joint: Articulation, leaf: Body, there: Pose, handle: Pose) -> Array:

@@ -51,6 +51,8 @@ class Aim:
     """Half the extents (3,)."""
     outward: Array | None = None
     """Normal (3,) of the front before which it is."""
+    between: tuple[float, float, float] | None = None
+    """Extents that fit between the fingers as they are turned; None if it is taken by its edge."""
 
     @property
     def frames(self) -> Array:
@@ -77,6 +79,7 @@ class Nearest:
         self._oracle, self._chain, self._arm, self._floor = oracle, chain, arm, floor
         self._behind, self._ahead = grip
         self._approach = np.array(arm.approach)
+        self._room = arm.gripper.max_opening if arm.gripper is not None else 0.0
 
     def postures(self, aim: Aim, seed: int = 0) -> Postures | None:
         """Return the nearest postures, contacts aside; None if no floor is near."""
@@ -168,23 +171,40 @@ class Nearest:
         standing[:, 0, 0] = standing[:, 1, 1] = (home != 0.0).any(axis=1)
         rows.append(standing)
         remains = np.linalg.norm(missing, axis=1) + np.linalg.norm(home, axis=1)
-        turning = crossed(spins, approach[:, :, None])
-        # ends of the fingers stay over the floor, the hand before a leaf
-        hinges = [(np.array([0.0, 0.0, -1.0]), self._ahead, -(arm[:, 2] + self._ahead * approach[:, 2]))]
-        if aim.outward is not None:
-            hinges.append((aim.outward, 1.0, approach @ aim.outward - INWARD))
         residuals = [missing, home]
-        for way, scale, over in hinges:
-            gradient = np.einsum("nid,i->nd", turning, way) * scale
-            by_yaw = (approach[:, 0] * way[1] - approach[:, 1] * way[0]) * scale
-            if scale < 1.0:
-                gradient = gradient + np.einsum("nid,i->nd", shifts, way)
-            weight = 1.0 if scale < 1.0 else TURNED
-            row = np.concatenate([np.zeros((number, 2)), by_yaw[:, None], gradient], axis=1)
-            rows.append((weight * row * (over > 0)[:, None])[:, None])
-            residuals.append(-weight * np.maximum(over, 0.0)[:, None])
-            remains = remains + weight * np.maximum(over, 0.0)
+        for hinge, over in self._hinges(turn @ pose[:, :3, :3], arm, shifts, spins, frames, aim):
+            rows.append((hinge * (over > 0)[:, None])[:, None])
+            residuals.append(-np.maximum(over, 0.0)[:, None])
+            remains = remains + np.maximum(over, 0.0)
         return np.concatenate(rows, axis=1), np.concatenate(residuals, axis=1), remains
+
+    def _hinges(
+        self, hand: Array, arm: Array, shifts: Array, spins: Array, frames: Array, aim: Aim
+    ) -> Iterator[tuple[Array, Array]]:
+        """Yield how far something is over a limit (n,), and how that changes (n, 3 + d)."""
+        up, nothing = np.array([0.0, 0.0, 1.0]), np.zeros((len(arm), 2))
+        approach = hand @ self._approach
+
+        def turned(line: Array, way: Array) -> Array:
+            by_yaw = line[:, 0] * way[:, 1] - line[:, 1] * way[:, 0]
+            by_arm = np.einsum("nid,ni->nd", crossed(spins, line[:, :, None]), way)
+            return np.concatenate([nothing, by_yaw[:, None], by_arm], axis=1)
+
+        # the ends of the fingers stay over the ground
+        every = np.tile(up, (len(arm), 1))
+        rising = turned(approach, every) * self._ahead
+        rising[:, 3:] += shifts[:, 2]
+        yield -rising, -(arm[:, 2] + self._ahead * approach[:, 2])
+        if aim.outward is not None:
+            outward = np.tile(aim.outward, (len(arm), 1))
+            yield TURNED * turned(approach, outward), TURNED * (approach @ aim.outward - INWARD)
+        closing = hand @ np.array(self._arm.closing)
+        for axis, extent in enumerate(aim.between or ()):
+            if extent > self._room:
+                along = frames[:, :3, axis]
+                share = np.einsum("ni,ni->n", closing, along)
+                sign = np.sign(share)[:, None]
+                yield TURNED * turned(closing, along) * sign, TURNED * (np.abs(share) - self._room / extent)
 
     @staticmethod
     def _rows(arm: Array, shifts: Array) -> Array:

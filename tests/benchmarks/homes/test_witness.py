@@ -116,6 +116,11 @@ def test_how_far_in_a_cup_may_stand_is_said_to_a_hand_s_breadth(deep: float, kin
     assert (found.kind if found else "") == kind
 
 
+def test_a_cup_that_is_only_just_in_reach_has_a_certificate():
+    table = replace(TABLE, pose=Pose((1.5, 0.0, 0.37)), size=(1.7, 4.0, 0.74))
+    assert decided([table, replace(CUP, pose=Pose((1.25, 0.0, 0.792)))], GRASP).answer is Answer.POSSIBLE
+
+
 def test_a_doorway_that_is_narrower_than_the_base_is_impossible_to_pass():
     witness = Witness(Scene((KITCHEN, DOORWAY), (-2.5, -2.0, 4.5, 2.0)), bind_robot("amigo"))
     try:
