@@ -12,6 +12,7 @@ import numpy as np
 
 from executive.belief.doorways import AS_FAR_AS_IT_GOES, BEYOND, PAST, free_width, gets_past
 from executive.belief.planning_scene import PlanningScene
+from executive.locations.standing import Standing
 from planlang.designators import FixedPose
 from planlang.failures import BehindClosedDoor
 from planlang.geometry import Array
@@ -50,6 +51,18 @@ def behind_doors(
     return BehindClosedDoor(
         designator=wanted, what=what, door=door, further=tuple(further), beyond=beyond, figures=figures
     )
+
+
+def check_way_to(scene: PlanningScene, name: str) -> None:
+    """Raise BehindClosedDoor if doors between rooms keep the base from everywhere near a body."""
+    if scene.robot.base.fixed or not any(one.frame for one in scene.belief.joints.values()):
+        return
+
+    def is_near(scene: PlanningScene) -> bool:
+        return next(Standing(scene).before(scene.bodies.block(name).centre[:2], scene.arms.all), None) is not None
+
+    if not is_near(scene) and (behind := behind_doors(scene, is_near, name, f"the base near {name}")) is not None:
+        raise behind
 
 
 def _to_open(
