@@ -15,6 +15,7 @@ import numpy as np
 
 from executive.ahead.later_steps import reached_through
 from executive.ahead.leaving import at_rest
+from executive.locations.headroom import way_out
 from executive.locations.rejections import NO_WAY
 from executive.locations.shut_ways import behind_doors, open_wide
 from executive.modules.arm.hand_work import HandWork
@@ -95,7 +96,7 @@ class LeafWork(HandWork):
         except (ContainerStuck, HandleNotReachable):
             if not joint.frame or not joint.is_open(self._value()):
                 raise
-        if self._should_be_wider():
+        if self._covers_something() or self._should_be_wider():
             with suppress(ManipulationFailure, NavigationFailure, EnvironmentManipulationFailure):
                 await self._motion(joint.upper, joint.upper).run()
 
@@ -133,6 +134,16 @@ class LeafWork(HandWork):
             await replace(motion, contact=self._grasp, verify=nothing).run()
         except (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure) as failure:
             raise StateUnknown(f"{unknown}, and no hand felt its handle", what=joint.leaf) from failure
+
+    def _covers_something(self) -> bool:
+        """Check whether a drawer opens farther, and something in it cannot be lifted straight out as it is."""
+        scene, joint = self.platform.scene, self._joint
+        if joint.kind is not JointKind.PRISMATIC or self._value() > AT_ITS_END * joint.upper:
+            return False
+        things = [name for name in scene.bodies.names() if scene.bodies.is_graspable(name)]
+        inside = (name for name in things if scene.bodies.drawer_of(name) == joint)
+        ways = (way_out(name, scene) for name in inside)
+        return any(way is None or len(way) > 1 for way in ways)
 
     def _motion(self, goal: float, sufficient: float) -> Skill[LeafPath, object]:
         """State the parts of motions to a value of the joint, at least to ``sufficient``."""
