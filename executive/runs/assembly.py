@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from executive.ahead.leaving import at_rest, with_in_hand
 from executive.belief import Belief
 from executive.belief.facts import decide
 from executive.belief.obstacles import with_store
@@ -24,6 +23,7 @@ from executive.belief.purposes import Purposes
 from executive.belief.scene_collisions import BasePose
 from executive.belief.snapshots import changed_since, with_changes
 from executive.locations import ReachKind, Resolver
+from executive.locations.supposed import at_rest, with_in_hand
 from executive.maps import SemanticMap, default_starts
 from executive.modules.around_actions import RobotModule
 from executive.modules.effects import ActionEffects
