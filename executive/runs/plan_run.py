@@ -307,6 +307,8 @@ class Run:
             models=None if given is None else [one.iri for one in given],
             modules=self.registry.identity or None,
         )
+        if self.files.changes:  # a resumed run makes them by itself
+            header["applied"] = [one.as_json() for one in self.files.changes]
         infeasible = [alternative.name for alternative, _ in assessment.infeasible]
         return header | settings | ({"infeasible": infeasible} if infeasible else {})
 

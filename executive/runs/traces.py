@@ -12,6 +12,7 @@ from typing import Any
 
 from executive.options.running import in_header, settings_from_header
 from executive.runs.parameters import Bound
+from planlang.advice import Change
 from planlang.designators import Location, Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.files import Bundled
@@ -106,6 +107,8 @@ class TraceHeader:
     schedule: int | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
     """Settings for the resumed run, by name."""
+    changes: tuple[Change, ...] = ()
+    """What was changed in the map, as a failed run had advised."""
 
     @staticmethod
     def of(recorded: RecordedRun) -> TraceHeader:
@@ -118,6 +121,11 @@ class TraceHeader:
                 start = (math.nan, 0.0, 0.0)
         if not all(map(math.isfinite, start)) or seed < 0:
             raise BadInput([error("X020", "the header is damaged: plan, seed or start", Span(recorded.name))])
+        try:
+            changes = tuple(map(Change.of, header.get("applied") or ()))
+        except (ValueError, TypeError) as problem:
+            message = f"the header is damaged: the changes of the map: {problem}"
+            raise BadInput([error("X020", message, Span(recorded.name))]) from None
         iri, robot, environment = (_text(header.get(key)) for key in ("iri", "robot", "map"))
         stem = local_name(environment or "").partition(".")[0]
         return TraceHeader(
@@ -130,6 +138,7 @@ class TraceHeader:
             seed,
             schedule,
             settings_from_header(header),
+            changes,
         )
 
     def plan(self, trace: str) -> str:
