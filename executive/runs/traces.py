@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import field
 from importlib.metadata import PackageNotFoundError, version
@@ -32,10 +33,11 @@ from planlang.words import Blank, Option, Text, calling
 def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Listener:
     """Make a listener that calls ``say`` with the world step and a line, for records of interest to people.
 
-    With ``inner`` also for actions that process modules perform inside others. A failure that ends several actions at
-    once has one line.
+    With ``inner`` also for actions that process modules perform inside others. A failure that passes several actions
+    and recoveries at once has one line for each, and what is believed of a thing already is not said again.
     """
-    told = (-1, "")
+    told: tuple[int, set[str]] = (-1, set())
+    believed: dict[object, str] = {}
 
     def listen(record: Mapping[str, Any], node: Node | None) -> None:
         nonlocal told
@@ -43,19 +45,31 @@ def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Listene
         if is_span and not inner and node is not None and is_inner(node):
             return
         line = line_of(record)
-        if line is None or (record["event"] == "ended" and told == (record["step"], line)):
+        if line is None:
             return
-        told = record["step"], line
-        say(*told)
+        step = record["step"]
+        told = told if told[0] == step else (step, set())
+        is_passed_on = record["event"] == "ended" or record.get("decision") in ("propagate", "failed")
+        is_known = record["event"] == "belief" and believed.get(record["name"]) == line
+        if is_known or (is_passed_on and line in told[1]):
+            return
+        told[1].add(line)
+        if record["event"] == "belief":
+            believed[record["name"]] = line
+        say(step, line)
 
     return listen
+
+
+_TRUE = re.compile(r"\b([a-z_]+)=True\b")
+"""A property of an action that is simply true, which is told by its name alone."""
 
 
 def line_of(record: Mapping[str, Any]) -> str | None:
     """Line about a record, for people; None if it does not interest them."""
     match record:
         case {"event": "started", "kind": "perform", "action": action}:
-            return str(action)
+            return _TRUE.sub(lambda one: one[1].replace("_", " "), str(action))
         case {"event": "ended", "kind": "perform", "failure": {"type": kind, "message": message}}:
             return f"failed: {kind}: {message}"
         case {"event": "started", "kind": "plan", "name": name}:
