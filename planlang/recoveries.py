@@ -38,7 +38,7 @@ from planlang.language.executive import executive_for
 from planlang.language.location import AGAIN, at_location, make_room
 from planlang.language.performing import perform
 from planlang.language.recovery import PROPAGATE, RETRY, Do, Recovery, RecoveryResult, Return, retry
-from planlang.language.resources import goes_first, hand_freed
+from planlang.language.resources import goes_first, hand_freed, lacks_hands
 from planlang.misuse import Usage, written
 from planlang.records import dataclass
 
@@ -233,7 +233,9 @@ def open_what_is_in_the_way(what: Object) -> Do:
             step_back = step_back_and_repeat(door)
             strategy = partial(_put_down_or, step_back) if goes_first() else step_back
             again = Recovery((ContainerStuck, HandleNotReachable), strategy, retries=AGAIN)
-            await perform(action("OpeningAContainerArtifact", object_acted_on=door), recoveries=[again])
+            # furniture may stand behind doors between rooms, which the search for its handle names
+            before = Recovery(BehindClosedDoor, open_what_is_in_the_way(door))
+            await perform(action("OpeningAContainerArtifact", object_acted_on=door), recoveries=[again, before])
         return RETRY
 
     return open_it
@@ -339,15 +341,15 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
         regrasping.branch("again", again)
 
     async def regrasp(failure: PlanFailure) -> RecoveryResult:
-        if await hand_freed(failure):
-            return RETRY
+        other_waits = goes_first()  # with an object in the hand that this step may have needed
+        if other_waits and lacks_hands(failure):
+            return PROPAGATE  # to the step that is repeated once the other has gone on
         full = next((link for link in failure.chain() if isinstance(link, HandsFull)), None)
         is_held = executive_for("put_down_and_regrasp").holds(Condition("holding", (what,)))
         if is_held == (full is not None):  # the failure is about something else
             return PROPAGATE
         if full is not None:
             return await _one_put_down(dict.fromkeys(full.held.values()))
-        other_waits = goes_first()  # with an object in the hand that this step may have needed
         aside = "SettingAsideAnObject"
         putting = action(aside, object_acted_on=what)
         try:

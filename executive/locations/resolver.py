@@ -31,7 +31,7 @@ from executive.locations.demands import (
 )
 from executive.locations.explanations import explain_bases, explain_hands
 from executive.locations.hand_predicates import Stage, hand_holds
-from executive.locations.hand_solutions import HandSolution, from_base
+from executive.locations.hand_solutions import HandSolution, from_base, with_torso_still
 from executive.locations.inverse_maps import InverseMaps
 from executive.locations.later_bringing import lacking_later
 from executive.locations.leaf_ways import leaves_used
@@ -374,6 +374,9 @@ class Resolver:
         base, log = self.scene.base(), Rejections()
         known = self._validator.known(reach, arm, base)
         if known is not None and self._validator.still_reaches(known, reach, base):
+            still = with_torso_still(known, seed, base)
+            if still is not None and self._validator.still_reaches(still, reach, base):
+                yield still
             yield known  # nothing relevant has moved since
         first_seed = seed if known is None else known.joints[min(1, len(known.joints) - 1)]
         # few of the good places for a thing may be in reach, and those may have no path for the arm
