@@ -14,7 +14,6 @@ from itertools import product
 import numpy as np
 
 from executive.ahead.later_steps import reached_through
-from executive.ahead.leaving import at_rest
 from executive.belief.scene_collisions import BasePose
 from executive.locations.headroom import way_out
 from executive.locations.rejections import NO_WAY
