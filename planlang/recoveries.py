@@ -233,7 +233,9 @@ def open_what_is_in_the_way(what: Object) -> Do:
             step_back = step_back_and_repeat(door)
             strategy = partial(_put_down_or, step_back) if goes_first() else step_back
             again = Recovery((ContainerStuck, HandleNotReachable), strategy, retries=AGAIN)
-            await perform(action("OpeningAContainerArtifact", object_acted_on=door), recoveries=[again])
+            # furniture may stand behind doors between rooms, which the search for its handle names
+            before = Recovery(BehindClosedDoor, open_what_is_in_the_way(door))
+            await perform(action("OpeningAContainerArtifact", object_acted_on=door), recoveries=[again, before])
         return RETRY
 
     return open_it

@@ -12,6 +12,7 @@ from executive.motion import MotionError
 from executive.robots.arms import ArmModel
 from planlang.designators import Action
 from planlang.failures import (
+    BehindClosedDoor,
     DesignatorFailure,
     HandleNotReachable,
     HandsFull,
@@ -89,17 +90,23 @@ class HandWork(PlatformModule):
         drive: Callable[[BasePose], Awaitable[object]],
         look: Callable[[], Awaitable[bool]],
     ) -> bool:
-        """Drive to base poses until a look succeeds; return whether one did."""
+        """Drive to base poses until a look succeeds; return whether one did.
+
+        Raises BehindClosedDoor if a door between rooms keeps the base from all of them.
+        """
 
         async def contact(_: BasePose) -> None:
             if not await look():
                 raise LookingFailure
 
         failures = (NavigationFailure, LookingFailure)
-        with suppress(DesignatorFailure, ManipulationPoseUnreachable, *failures):
+        try:
             await Skill(bases, contact, drive, failures=failures, most=VIEWS).run()
-            return True
-        return False
+        except BehindClosedDoor:
+            raise  # once the door is open there are such poses
+        except (DesignatorFailure, ManipulationPoseUnreachable, *failures):
+            return False
+        return True
 
     async def tuck(self) -> None:
         """Move the arms to their carrying postures, where a path is found."""

@@ -74,6 +74,20 @@ def test_all_doors_on_the_way_are_opened_one_after_the_other() -> None:
     assert run.attempts("OpeningAContainerArtifact") == 2
 
 
+def test_furniture_behind_a_door_between_rooms_is_opened_after_that() -> None:
+    room = an_object("Door", "http://example.org/#room_door")
+
+    def behind() -> PlanFailure:
+        return BehindClosedDoor(what="door1", door=room)
+
+    script = Script().on("OpeningAContainerArtifact", fails=behind, times=1)
+    run = run_plan(fetching(behind_the_door()), script=script)
+    assert run.failure is None
+    assert run.attempts("OpeningAContainerArtifact") == 3
+    assert run.belief.holds(Condition("open", (room,)))
+    assert run.belief.holds(Condition("open", (DOOR,)))
+
+
 def test_what_is_out_of_reach_for_another_reason_stays_so() -> None:
     run = run_plan(fetching(ObjectUnreachable(what="cup1")))
     assert isinstance(run.failure, ObjectUnreachable)
