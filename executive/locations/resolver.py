@@ -120,8 +120,8 @@ class Resolver:
         self._look(location)
         if log is not None:
             return self._reported(location, self._bases(location, Question(log)))
-        # enclosing actions restrict the grips, and say what designators by class mean
-        question = location, tuple(actions_around()), self._meant(location), self._clear()
+        # enclosing and later actions restrict the grips, and say what designators by class mean
+        question = location, tuple(actions_around()), self._meant(location), tuple(remaining_actions())
         answers = self._answers.of(self.scene.content(), lambda: Latest(MOST_QUESTIONS))
 
         def search() -> Iterator[Solution]:
@@ -291,9 +291,14 @@ class Resolver:
         return None
 
     def _goals(self, reach: Reach) -> Sequence[Location]:
-        """List where the thing will be put or handed over that is grasped."""
-        is_grasp = reach.kind is ReachKind.GRASP
-        return goals_of(reach.body, actions_around(), self.scene) if is_grasp else ()
+        """List where the thing that is grasped is put or handed over by enclosing actions, or else by the next that is.
+
+        A step that only fetches it may be followed by one that puts it where not every grip, or hand, gets.
+        """
+        if reach.kind is not ReachKind.GRASP:
+            return ()
+        around = goals_of(reach.body, actions_around(), self.scene)
+        return around or goals_of(reach.body, remaining_actions(), self.scene)[:1]
 
     def _clear(self) -> tuple[str, ...]:
         """List the doors and drawers that later steps use while a hand holds something, which it may put down."""
