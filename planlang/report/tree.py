@@ -156,7 +156,7 @@ def properties_text(properties: str, short: Mapping[str, str] | None = None) -> 
     """
     names = short or {}
     spelt = _KEYS.sub(lambda key: names.get(key[1], key[1].replace("_", " ") + ("" if key[2] else " ")), properties)
-    return _RELATION.sub(lambda found: f"{found[1].replace('_', ' ')} {found[2]}", spelt)
+    return _RELATION.sub(lambda found: f"{found[1].replace('_', ' ').strip()} {found[2]}", spelt)
 
 
 def event_text(one: Happened) -> str | None:
