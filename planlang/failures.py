@@ -10,12 +10,11 @@ from collections.abc import Mapping
 from dataclasses import field
 from typing import ClassVar
 
+import planlang.failure_wording as wording
 from planlang.advice import Change
-from planlang.closure import grouped
 from planlang.designators import Action, Object
 from planlang.plan_failure import PlanFailure as PlanFailure
 from planlang.plan_failure import Where as Where
-from planlang.plan_failure import counts_in_words, in_words
 from planlang.records import dataclass
 
 
@@ -299,16 +298,18 @@ class DesignatorFailure(PlanFailure):
 
     def describe(self) -> str:
         """Return ``TEXT: DESIGNATOR (details)``."""
-        rest = in_words({key: value for key, value in self.details().items() if key != "designator"})
+        rest = wording.in_words({key: value for key, value in self.details().items() if key != "designator"})
         text = f"{self.text}{f': {self.designator}' if self.designator else ''}"
         return f"{text} ({rest})" if rest else text
 
 
 @dataclass(eq=False, repr=False)
 class LocationUnresolvable(DesignatorFailure):
-    """Every candidate was rejected: ``counts`` by reason, ``blocking`` by body in the way. ``after`` places failed.
+    """Every candidate was rejected: ``counts`` has their numbers by reason, ``blocking`` by the body in the way.
 
-    ``figures`` has what was measured and what helps, ``changes`` this as data, ``first`` an action that helps."""
+    ``after`` is the number of places that were found before and failed. ``figures`` has what was measured and what
+    helps, ``changes`` this as data, and ``first`` an action of the robot that helps.
+    """
 
     counts: Mapping[str, int] = field(default_factory=dict, kw_only=True)
     blocking: Mapping[str, int] = field(default_factory=dict, kw_only=True)
@@ -321,11 +322,10 @@ class LocationUnresolvable(DesignatorFailure):
 
     def describe(self) -> str:
         """``no place found for DESIGNATOR: FIGURES (312 candidates: 112 in collision; in the way: bed1 96, ...)``."""
-        wanted = f" for {self.designator}" if self.designator else ""
-        found, each = ("one place was", "it") if self.after == 1 else (f"{self.after} places were", "each")
-        text = f"only {found} found{wanted}, and {each} failed" if self.after else f"{self.text}{wanted}"
+        text = wording.search_in_words(self.text, self.designator, self.after)
         text = f"{text}: {sentence}" if (sentence := self.because()) else text
-        return f"{text} ({counted})" if (counted := counts_in_words(self.counts, self.blocking)) else text
+        counted = wording.counts_in_words(self.counts, self.blocking)
+        return f"{text} ({counted})" if counted else text
 
     def because(self) -> str:
         """The reason as a sentence, "" if there are only counts."""
@@ -334,7 +334,10 @@ class LocationUnresolvable(DesignatorFailure):
 
 @dataclass(eq=False, repr=False)
 class BehindClosedDoor(LocationUnresolvable):
-    """The target is behind ``door`` and ``further`` ones of the way, not open far enough, or in a closed drawer."""
+    """The target ``what`` is behind a ``door`` that is not open far enough, or in a closed drawer.
+
+    ``further`` are the other closed doors on the way there.
+    """
 
     what: str | None = field(default=None, kw_only=True)
     door: Object | None = field(default=None, kw_only=True)
@@ -342,14 +345,16 @@ class BehindClosedDoor(LocationUnresolvable):
 
     def because(self) -> str:
         """``bottle1 is behind door1, which is closed``."""
-        doors = " and ".join(map(str, (self.door, *self.further)))
-        closed = "closed" if self.what == doors else f"behind {doors}, which {'are' if self.further else 'is'} closed"
-        return self.figures or f"{self.what} is {closed}"
+        return self.figures or wording.closed_in_words(self.what, (self.door, *self.further))
 
 
 @dataclass(eq=False, repr=False)
 class TooHeavy(LocationUnresolvable):
-    """The object, with the ``load`` in it or on it, is heavier than ``hands`` free hands, 1 or 2, carry; all in kg."""
+    """The object ``what`` is too heavy for the hands that are free.
+
+    ``mass`` is that of the object with the ``load`` in it or on it, ``payload`` what ``hands`` free hands, 1 or 2,
+    carry together [kg].
+    """
 
     what: str | None = field(default=None, kw_only=True)
     mass: float = field(default=0.0, kw_only=True)
@@ -359,14 +364,16 @@ class TooHeavy(LocationUnresolvable):
 
     def because(self) -> str:
         """``pot1 weighs 3.9 kg with the 1.5 kg in it or on it, both hands carry 3 kg: 0.9 kg too much``."""
-        carry = f"{'the hand carries' if self.hands == 1 else 'both hands carry'} {self.payload:g} kg"
-        load = f" with the {self.load:g} kg in it or on it" if self.load else ""
-        return f"{self.what} weighs {self.mass:g} kg{load}, {carry}: {self.mass - self.payload:.3g} kg too much"
+        return wording.weight_in_words(self.what, self.mass, self.load, self.payload, self.hands)
 
 
 @dataclass(eq=False, repr=False)
 class HandsLacking(LocationUnresolvable):
-    """The object takes ``needed`` hands, the robot has ``of``, ``hands`` are free: if enough, one was asked alone."""
+    """The object ``what`` takes more hands than are free, or than were asked.
+
+    It takes ``needed`` hands; of the ``of`` hands of the robot ``hands`` are free. If these are enough, one was asked
+    alone.
+    """
 
     what: str | None = field(default=None, kw_only=True)
     needed: int = field(default=2, kw_only=True)
@@ -375,9 +382,7 @@ class HandsLacking(LocationUnresolvable):
 
     def because(self) -> str:
         """``tray1 takes 2 hands, the robot has 1``."""
-        there = f"the robot has {self.of}" if self.of < self.needed else f"{self.hands} of {self.of} are free"
-        alone = "" if self.hands < self.needed else ", but one was asked alone (PickingUpAnObject asks all)"
-        return f"{self.what} takes {self.needed} hands, {there}{alone}"
+        return wording.hands_in_words(self.what, self.needed, self.hands, self.of)
 
 
 @dataclass(eq=False, repr=False)
@@ -389,9 +394,7 @@ class HandsFull(LocationUnresolvable):
 
     def because(self) -> str:
         """``no hand is free for glass1: arm holds bottle1; put it down first``."""
-        hands = grouped((thing, hand) for hand, thing in self.held.items())
-        full = ", ".join(f"{' and '.join(one)} hold{'' if one[1:] else 's'} {thing}" for thing, one in hands.items())
-        return f"no hand is free for {self.what}: {full}; put {'it' if len(hands) == 1 else 'one'} down first"
+        return wording.full_in_words(self.what, self.held)
 
 
 class ObjectUnresolvable(DesignatorFailure):
@@ -456,11 +459,7 @@ class BudgetExceeded(PlanFailure):
 
     def describe(self) -> str:
         """Return ``the budget of S s and N attempts is used up: ACTION S s, ..., CONSTRUCT N times, ...``."""
-        allowed = [] if self.seconds is None else [f"{self.seconds:g} s"]
-        allowed += [] if self.attempts is None else [f"{self.attempts} attempts"]
-        parts = [f"{part} {seconds:g} s" for part, seconds in self.spent.items()]
-        parts += [f"{construct} again {number} times" for construct, number in self.used.items()]
-        return f"the budget of {' and '.join(allowed)} is used up{': ' if parts else ''}{', '.join(parts)}"
+        return wording.budget_in_words(self.seconds, self.attempts, self.spent, self.used)
 
 
 @dataclass(eq=False, repr=False)

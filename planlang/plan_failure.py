@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import field, fields
 from typing import Any, ClassVar, Self
 
+from planlang.failure_wording import in_words
 from planlang.records import dataclass
 
 
@@ -86,23 +87,6 @@ def each_once(links: Sequence[BaseException]) -> list[BaseException]:
 PlanFailure.__module__ = "planlang.failures"  # plans import it from there, and traces name it so
 
 
-def in_words(details: Mapping[str, Any]) -> str:
-    """Format the fields of a failure for its message: ``what`` first, without its name; an arm as ``left arm``."""
-    about = [_plain(details["what"])] if "what" in details else []
-    others = (_field(name, value) for name, value in details.items() if name != "what")
-    return ", ".join(filter(None, [*about, *others]))
-
-
-def counts_in_words(counts: Mapping[str, int], blocking: Mapping[str, int]) -> str:
-    """Format the numbers of rejected candidates by reason, and by body in the way; "" without any."""
-    total = sum(counts.values())
-    numbered = (reason if total == 1 else f"{number} {reason}" for reason, number in counts.items() if number)
-    parts = [f"{total} candidate{'' if total == 1 else 's'}: {', '.join(numbered)}"] if counts else []
-    if blocking:
-        parts.append(f"in the way: {', '.join(f'{body} {number}' for body, number in blocking.items())}")
-    return "; ".join(parts)
-
-
 def attach_cleanup(error: BaseException, failures: Iterable[PlanFailure]) -> None:
     """Attach failures of cleanups to an exception, as notes and, for a plan failure, as ``cleanup_failures``."""
     others = tuple(failure for failure in failures if failure is not error)
@@ -110,25 +94,3 @@ def attach_cleanup(error: BaseException, failures: Iterable[PlanFailure]) -> Non
         error.cleanup_failures += others
     for other in others:
         error.add_note(f"during cleanup: {type(other).__name__}: {other}{f' in {other.where}' if other.where else ''}")
-
-
-_BASE = ("x", "y", "yaw")
-"""Parts of a pose of the base [m, rad]."""
-
-
-def _field(name: str, value: object) -> str:
-    if name == "arm" and isinstance(value, str):  # the only arm of a robot is called so, which tells nothing
-        return f"{value.removesuffix('arm').rstrip('_ ')} arm" if value != "arm" else ""
-    if name == "target" and isinstance(value, tuple) and len(value) == len(_BASE):
-        return " ".join(
-            ("target", *(f"{axis} {round(number, 2):g}" for axis, number in zip(_BASE, value, strict=True)))
-        )
-    return f"{name.replace('_', ' ')} {_plain(value)}"
-
-
-def _plain(value: object) -> str:
-    if isinstance(value, float):
-        return f"{value:g}"
-    if isinstance(value, tuple):
-        return f"({', '.join(map(_plain, value))})"
-    return str(value)

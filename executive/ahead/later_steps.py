@@ -1,4 +1,4 @@
-"""What later steps do through a door or drawer: take something from behind it, or put something there."""
+"""What later steps do: reach through a door or drawer, or take another thing while the first is in a hand."""
 
 from __future__ import annotations
 
@@ -45,6 +45,24 @@ def beside(joint: Articulation, scene: PlanningScene) -> tuple[Articulation, ...
         return (joint,)
     others = (one for one in scene.belief.joints.values() if one.holder == joint.holder and one.leaf != joint.leaf)
     return (joint, *(one for one in others if one.kind is JointKind.HINGED and not one.is_knob))
+
+
+def fetched_beside(name: str, scene: PlanningScene) -> Object | None:
+    """Find the thing that the next step about another one takes while ``name`` is in a hand; None without one.
+
+    A step that brings ``name`` somewhere empties the hand before.
+    """
+    bodies = scene.supposing(scene.belief.state).bodies  # so that nothing is bound for good
+    for each in remaining_actions():
+        what = each.get("object_acted_on")
+        other = bodies.known(what) if isinstance(what, Object) and what.iri is not None else None
+        if other is None or not isinstance(what, Object):
+            continue
+        if other != name and bodies.is_graspable(other):
+            return None if bodies.is_held(other) else what
+        if other == name and any(each.get(role) is not None for role in ("to_location", "recipient")):
+            return None
+    return None
 
 
 def _steps() -> Iterator[Action]:

@@ -119,8 +119,8 @@ class BelievedBodies(ScenePart):
             return "is not an object that a hand can grasp"
         if not body.movable and (min(body.size[:2]) <= GRASPABLE_WIDTH or max(body.size) > LONGEST):
             return f"is a {body.type}: things of this class are not taken"
-        widths = f"is {min(body.size[:2]):g} m wide, and things up to {GRASPABLE_WIDTH:g} m can be taken"
-        return f"{widths}, wider ones by a handle for one hand"
+        widths = f"is {min(body.size[:2]):g} m wide, and nothing wider than {GRASPABLE_WIDTH:g} m is taken"
+        return f"{widths}, except by a handle for one hand"
 
     def graspable_at(self, point: Array) -> str | None:
         """Find the graspable body nearest to a map point (3,); None if none is within :data:`MEANT`."""

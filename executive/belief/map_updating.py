@@ -19,7 +19,6 @@ from executive.belief.belief import Belief
 from executive.belief.memory import Source
 from executive.maps.classes import MapObject
 from executive.maps.contents import is_content
-from executive.maps.measures import EXTENTS
 from executive.maps.statements import (
     Placement,
     decimal,
@@ -31,6 +30,7 @@ from executive.maps.statements import (
 )
 from planlang.designators import local_part
 from planlang.diagnostics import Diagnostic
+from planlang.measures import EXTENTS
 from planlang.ontology import Ontology, Term, Triple, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS
 from sim.joints import Articulation, JointKind

@@ -6,9 +6,9 @@ from collections.abc import Container, Iterator
 
 from executive.belief.belief import Belief
 from executive.maps.classes import MapObject
-from executive.maps.measures import EXTENTS
 from executive.maps.statements import Placement, decimal, stated_facts, text_of, with_placements
 from planlang.geometry import Pose
+from planlang.measures import EXTENTS
 from planlang.ontology import Term, Triple, expand
 from planlang.ontology.terms import OWL, RDF
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -141,14 +142,14 @@ def solve(
     alive = np.arange(count)
     if slack is not None:
         alive = without_reason(alive, _in_the_way(_blocked(seeds[:, :1], bases, check, slack)))
-    q, solved = arm.chain.solve(targets[alive, candidates.key], seeds[alive])
+    q, solved = arm.solve(targets[alive, candidates.key], seeds[alive])
     joints[alive, candidates.key] = q
     alive = without_reason(alive, (None if good else OUT_OF_REACH for good in solved.tolist()))
     others = [step for step in range(steps) if step != candidates.key]
     if others and len(alive):
         goals = targets[alive][:, others].reshape(-1, 4, 4)
         starts = np.repeat(joints[alive, candidates.key], len(others), axis=0)
-        other_joints, good = arm.chain.solve(goals, starts[:, None])
+        other_joints, good = arm.solve(goals, starts[:, None])
         good &= np.abs(other_joints - starts).max(axis=1) <= FARTHEST
         joints[alive[:, None], others] = other_joints.reshape(len(alive), len(others), -1)
         whole = good.reshape(len(alive), len(others)).all(axis=1)
@@ -195,6 +196,23 @@ class HandSolution:
             if poses.shape[1:] == self.plan.poses.shape:
                 equal |= np.abs(poses - self.plan.poses).max(axis=(1, 2, 3)) < 1e-6
         return equal
+
+
+def with_torso_still(solution: HandSolution, now: Array, base: BasePose) -> HandSolution | None:
+    """Solve the poses of a solution again for an arm with a slow torso, which stays as in joint values ``now`` (d,).
+
+    None for other arms, or if the arm alone does not get to all poses.
+    """
+    arm = solution.arm
+    if arm.standing is None or arm.lift is None:
+        return None
+    seeds = np.stack([solution.joints, np.broadcast_to(now, solution.joints.shape)], axis=1)
+    seeds[:, :, arm.lift.column] = now[arm.lift.column]
+    targets = product(inverse(base_matrices(np.array([base]))[0]), solution.plan.poses[-len(solution.joints) :])
+    q, reached = arm.solve(targets, seeds)
+    is_even = not len(q) or np.abs(np.diff(q, axis=0)).max(initial=0.0) <= FARTHEST
+    stands = np.ptp(q[:, arm.lift.column], axis=0) == 0.0
+    return replace(solution, joints=q) if reached.all() and is_even and stands else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -293,7 +311,7 @@ class Trial:
         poses = product(inverse(base_matrices(np.array([self.base]))[0]), one.plan.poses)
         q, rows = one.joints[0], [one.joints[:0]]
         for begin, end in pairwise(poses):
-            line = cartesian_path(one.arm.chain, q, begin, end, lambda _: True)
+            line = cartesian_path(one.arm.chain, q, begin, end, lambda _: True, solve=one.arm.solve)
             if line.waypoints is None:
                 return None
             rows.append(line.waypoints[1:])

@@ -12,6 +12,7 @@ import numpy as np
 
 from executive.belief.doorways import AS_FAR_AS_IT_GOES, free_width, gets_past
 from executive.belief.planning_scene import PlanningScene
+from executive.locations.standing import Standing
 from planlang.failures import BehindClosedDoor
 from planlang.geometry import Array
 from sim.joints import Articulation
@@ -44,6 +45,18 @@ def behind_doors(
         made, free = (f"{free_width(scene, first, value):.2f} m" for value in (first.upper, now))
         figures = f"{first.leaf} stands half-open: opening it further would make {made} instead of {free}"
     return BehindClosedDoor(designator=wanted, what=what, door=door, further=tuple(further), figures=figures)
+
+
+def check_way_to(scene: PlanningScene, name: str) -> None:
+    """Raise BehindClosedDoor if doors between rooms keep the base from everywhere near a body."""
+    if scene.robot.base.fixed or not any(one.frame for one in scene.belief.joints.values()):
+        return
+
+    def is_near(scene: PlanningScene) -> bool:
+        return next(Standing(scene).before(scene.bodies.block(name).centre[:2], scene.arms.all), None) is not None
+
+    if not is_near(scene) and (behind := behind_doors(scene, is_near, name, f"the base near {name}")) is not None:
+        raise behind
 
 
 def _to_open(scene: PlanningScene, is_possible: IsPossible, but: Sequence[str]) -> list[Articulation]:

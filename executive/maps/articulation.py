@@ -15,7 +15,6 @@ import numpy as np
 
 from executive.maps.classes import MapObject
 from executive.maps.doorways import is_wall
-from executive.maps.measures import length, stated
 from executive.maps.room_doors import (
     ROOM_DOORS,
     Frame,
@@ -31,6 +30,7 @@ from planlang.diagnostics import Diagnostic, note, warning
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import half_extents
+from planlang.measures import length, stated
 from planlang.ontology import Ontology, expand
 from planlang.records import dataclass
 from sim import Body

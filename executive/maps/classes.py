@@ -19,11 +19,12 @@ from dataclasses import replace
 
 from executive.maps import soma
 from executive.maps.link_names import LINKS
-from executive.maps.measures import EXTENTS, Size, read_size, read_transform
+from executive.maps.measures import Size, read_size
 from planlang.designators import local_name, local_part, unused_name
 from planlang.diagnostics import Diagnostic, Span, note, unread, warning
 from planlang.geometry import Pose
 from planlang.kept import kept
+from planlang.measures import EXTENTS, read_transform
 from planlang.ontology import Literal, Ontology, expand
 from planlang.ontology.terms import RDF
 from planlang.records import dataclass

@@ -14,12 +14,13 @@ from itertools import pairwise
 import numpy as np
 
 from executive.maps.classes import MapObject, is_kind
-from executive.maps.measures import length, lengths, read_size, stated
+from executive.maps.measures import read_size
 from executive.maps.semantic_map import SemanticMap
 from planlang.diagnostics import BadInput, Diagnostic, Severity, warning
 from planlang.effects import effects_of, heat_effects, number_of_class, number_of_individual
 from planlang.geometry.areas import Block
 from planlang.geometry.shapes import Size
+from planlang.measures import length, lengths, stated
 from planlang.ontology import Ontology, expand, shorten
 from planlang.state.matter import KG_PER_ML, ON, Heating, Portion, Rules
 from sim import Body

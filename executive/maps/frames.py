@@ -13,13 +13,13 @@ from dataclasses import replace
 import numpy as np
 
 from executive.maps.classes import MapObject
-from executive.maps.measures import length, read_transform, stated
 from executive.maps.semantic_map import PosesOfThings, SemanticMap
 from executive.maps.statements import Placement, decimal, facts_of, number
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
 from planlang.geometry import Pose
 from planlang.geometry.matrices import orthonormal, product, rigid, rotated
+from planlang.measures import length, read_transform, stated
 from planlang.ontology import Ontology, Triple, expand
 from planlang.ontology.terms import OWL
 from planlang.records import dataclass

@@ -11,7 +11,6 @@ import numpy as np
 
 from executive.maps.classes import MapObject
 from executive.maps.frames import MapSource, are_related, completed, in_frame_of
-from executive.maps.measures import EXTENTS, TRIPLES
 from executive.maps.semantic_map import read_map
 from executive.maps.statements import (
     Placement,
@@ -25,6 +24,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, note, settled, warning
 from planlang.geometry import Array
 from planlang.knowledge.places import LEVELS, inverted
+from planlang.measures import EXTENTS, TRIPLES
 from planlang.ontology import Literal, Ontology, Triple, expand, load
 from planlang.ontology.terms import RDFS
 from planlang.records import dataclass

@@ -11,11 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from executive.maps.measures import Size, length, read_transform
+from executive.maps.measures import Size
 from executive.maps.semantic_map import COMPONENTS, WHOLES, PosesOfThings
 from planlang.designators import local_name
 from planlang.geometry import Array
 from planlang.geometry.matrices import product
+from planlang.measures import length, read_transform
 from planlang.motion_constraints import Feature, FeatureKind, Vector
 from planlang.ontology import Ontology, expand
 from planlang.records import dataclass

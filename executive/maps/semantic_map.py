@@ -11,13 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from executive.maps.classes import MapObject, is_kind, misspellings, parts_of_classes, with_known_classes
-from executive.maps.measures import EXTENTS, TRIPLES, length, read_boards, read_size, read_transform, stated
+from executive.maps.measures import read_boards, read_size
 from executive.maps.soma import in_known_words
 from planlang.designators import Object, is_called, local_name, names_of, unused_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, settled, unread
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product
 from planlang.knowledge.places import inverted
+from planlang.measures import EXTENTS, TRIPLES, length, read_transform, stated
 from planlang.ontology import Literal, Ontology, expand
 from planlang.ontology.terms import OWL
 from planlang.records import dataclass

@@ -17,11 +17,11 @@ from pathlib import Path
 import numpy as np
 
 from executive.maps.link_names import LINKS, with_links
-from executive.maps.measures import EXTENTS, LARGEST, lengths
 from planlang.designators import local_name, unused_name
 from planlang.diagnostics import Diagnostic, note, unread
 from planlang.geometry import Array, Pose
 from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
+from planlang.measures import EXTENTS, LARGEST, lengths
 from planlang.ontology import BNode, Literal, Ontology, Term, Triple, expand
 from planlang.ontology.documents import Reading
 from planlang.ontology.terms import RDF, XSD

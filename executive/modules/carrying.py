@@ -116,13 +116,13 @@ def _cached_ik(arm: ArmModel, targets: Array, seeds: Array) -> tuple[Array, NDAr
     Cached per user: most targets are out of reach, which is slow to find out, and repeated tasks ask for the same ones.
     """
     chain = arm.chain
-    facts = (chain.digest, chain.dof, _method(), targets.tobytes(), seeds.tobytes())
+    facts = (chain.digest, chain.dof, arm.standing is None, _method(), targets.tobytes(), seeds.tobytes())
     key = hashlib.sha256(repr(facts).encode()).hexdigest()
     content = _CACHE.load(key)
     if content is not None:
         rows = np.frombuffer(content).reshape(len(targets), chain.dof + 1)
         return rows[:, 1:], rows[:, 0] > 0
-    joints, good = arm.chain.solve(targets, np.broadcast_to(seeds, (len(targets), *seeds.shape)))
+    joints, good = arm.solve(targets, np.broadcast_to(seeds, (len(targets), *seeds.shape)))
     _CACHE.keep(key, np.column_stack([good, joints]).tobytes())
     return joints, good
 

@@ -5,10 +5,10 @@ Also its arms: which of them a step concerns, their postures and paths.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from copy import copy
-from dataclasses import field, replace
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -23,12 +23,11 @@ from executive.locations.grasp_candidates import HandPoses
 from executive.locations.likely_places import Searches
 from executive.locations.standing import Standing
 from executive.modules.arm_choices import ArmChoices
+from executive.modules.arm_paths import ArmPaths
 from executive.modules.carrying import is_near, upright_postures
 from executive.modules.commanding import Control, Hands, Sensing
 from executive.modules.drive import Drive
 from executive.modules.phases import Phases
-from executive.motion import JointSpace, MotionError, cartesian_path, keeps_line, plan_path, time_curve, time_path
-from executive.motion.upright import Upright
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
@@ -44,34 +43,17 @@ from planlang.relations.reaching import InCenterOf
 if TYPE_CHECKING:
     from executive.locations.next_view import Exploration
 
-ITERATIONS = 1000
-"""Iterations of the path search (RRT) before it gives up."""
-SHARE = 0.8
-"""Share of a held object's largest tilt that paths may use, a margin because they are checked at samples only."""
-HAIR = 1e-6
-"""Tolerance for rounding [rad]."""
 AT_PLACE = 0.01
 """Largest deviation from the put-down pose at which the planned retreat is still valid, per matrix entry [m, 1]."""
 STANDS = 0.02
 """Largest height above its support at which a held object counts as put down [m]."""
-CLOSE = 0.05
-"""Spacing of exact checks in time, as a share of the collision-checking resolution; small, since a torso is slow."""
 
 
-def _apart(rows: Array, step: Array) -> list[int]:
-    """Select the indices of rows (n, d) of joint values that are a step (d,) apart in some joint, and the last row."""
-    kept = [0] if len(rows) else []
-    for number in range(1, len(rows)):
-        if number == len(rows) - 1 or bool((np.abs(rows[number] - rows[kept[-1]]) >= step).any()):
-            kept.append(number)
-    return kept
-
-
-class Arms:
+class Arms(ArmPaths):
     """Chooses arms and plans their motions. ``rng`` feeds the path planner."""
 
     def __init__(self, control: Control, rng: np.random.Generator) -> None:
-        self._control, self._rng = control, rng
+        super().__init__(control, rng)
         self.choices = ArmChoices()
         """Arms chosen where the plan leaves the choice open."""
         self.begun: dict[str, tuple[object, BasePose, HandSolution]] = {}
@@ -208,7 +190,8 @@ class Arms:
     def posture(self, arm: ArmModel, name: str) -> Array:
         """Look up the joint positions (d,) of a named posture; joints that it does not name keep their positions.
 
-        A name that contains a posture's name means that posture ("parkingpose"), any other name the carrying posture.
+        A name that contains a posture's name means that posture ("parkingpose"), any other name the carrying posture,
+        for which a slow torso keeps its height.
         Raises ActionUnresolvable if the robot has no such posture.
         """
         robot = self._control.robot
@@ -217,8 +200,11 @@ class Arms:
         if key not in known:
             message = f"{robot.name} has no posture {name}; its postures: {', '.join(known) or 'none'}"
             raise ActionUnresolvable(message, designator=f"posture {name}")
-        current = zip(arm.joints, self._control.arm_joints(arm), strict=True)
-        return np.array([known[key].get(joint, value) for joint, value in current])
+        current = self._control.arm_joints(arm)
+        there = np.array([known[key].get(joint, value) for joint, value in zip(arm.joints, current, strict=True)])
+        if key == CARRYING and arm.lift is not None and arm.standing is not None:
+            there[arm.lift.column] = current[arm.lift.column]
+        return there
 
     def postures(self, arm: ArmModel, name: str) -> list[Array]:
         """Find joint positions (d,) for a named posture that keep the held object upright, best first.
@@ -247,111 +233,6 @@ class Arms:
             return is_near(arm, held, named, q)
         away = np.abs(q - named)
         return bool((away if arm.lift is None else np.delete(away, arm.lift.column)).max() <= 1e-3)
-
-    # Where it can go
-
-    def path(
-        self,
-        arm: ArmModel,
-        goal: Array,
-        touches: str | None = None,
-        iterations: int = ITERATIONS,
-        others: Sequence[Array] = (),
-    ) -> Trajectory:
-        """Plan a timed path to joint positions (d,), or to one of ``others``, through the planning scene.
-
-        The hand may touch the body ``touches``. Keeps the held object upright if its class requires it. Raises a
-        MotionError if no path is found within ``iterations``.
-        """
-        control = self._control
-        chain, base, start = arm.chain, control.base(), control.arm_joints(arm)
-        space = JointSpace.of(arm.lower, arm.upper, continuous=chain.continuous, resolution=arm.resolution)
-        quick = control.scene.collisions.quick_check(arm, touches)
-
-        def touching(q: Array, among: Sequence[tuple[str, str]] | None) -> list[tuple[str, str]]:
-            # The whole robot is checked at the start; after that, only moving parts can come into contact.
-            contacts = control.scene.collisions.contacts(base, arm, q, touches, among=among)
-            return [(contact.part, contact.body) for contact in contacts]
-
-        def moments(path: Array) -> Array:
-            """Sample joint rows to check exactly: at the checking resolution, and in time along the timed path."""
-            rows = control.timed(arm.joints, path).positions[1:]
-            return np.concatenate([space.points(path), rows[_apart(rows, CLOSE * arm.resolution)]])
-
-        upright = self.upright(arm, goal)
-        waypoints = plan_path(
-            start,
-            goal,
-            space,
-            quick,
-            touching,
-            self._rng,
-            moments=moments,
-            others=others,
-            constraint=upright,
-            iterations=iterations,
-        )
-        if upright is not None and len(waypoints) > 2:  # such paths have many waypoints; a curve does not stop at each
-            curve = control.timed(arm.joints, waypoints, time_curve)
-            rows = curve.positions[1:]
-            holds = chain.within(rows, 1e-6).all() and upright.holds(rows).all()
-            if holds and not any(map(touching, rows, quick.doubtful(rows))):
-                return curve
-        return control.timed(arm.joints, waypoints)
-
-    def upright(self, arm: ArmModel, goal: Array) -> Upright | None:
-        """Build the tilt constraint for the held object on a path to joint positions (d,); None if it needs none.
-
-        The limit is never below the tilt at the start, as after pouring, or at the goal.
-        """
-        held = self._control.scene.arms.held(arm.name)
-        if held is None or held.largest_tilt is None:
-            return None
-        usual = Upright(arm.chain, held.up, SHARE * held.largest_tilt)
-        ends = usual.tilts(np.stack([self._control.arm_joints(arm), goal]))
-        return replace(usual, limit=max(usual.limit, float(ends.max()) + HAIR))
-
-    def drawn(self, arm: ArmModel, offsets: Iterable[Array], touches: str | None) -> Trajectory | None:
-        """Plan a straight motion of the tip by the first feasible offset (3,) [m] in the map; None if none is."""
-        for offset in offsets:
-            pose = self._control.scene.arms.tip(arm).copy()
-            pose[:3, 3] += offset
-            with suppress(MotionError):
-                return self.straight_path(arm, pose, touches)
-        return None
-
-    def straight_path(self, arm: ArmModel, pose: Array, touches: str | None) -> Trajectory:
-        """Plan a timed straight-line motion of the tip to a map pose (4, 4).
-
-        ``touches``: the body that the hand may touch. Raises a MotionError with the reason.
-        """
-        control = self._control
-        start, base = control.arm_joints(arm), control.base()
-        quick = control.scene.collisions.quick_check(arm, touches)
-
-        def is_free(row: Array) -> bool:
-            return all_free(row[None])
-
-        def all_free(rows: Array) -> bool:
-            contacts = control.scene.collisions.contacts
-            return not any(
-                contacts(base, arm, row, touches, among=pairs)
-                for row, pairs in zip(rows, quick.doubtful(rows), strict=True)
-                if pairs is None or pairs
-            )
-
-        chain = arm.chain
-        begin, end = chain.fk(start)[0], matrices.product(Pose.planar(*base).inverse().matrix(), pose)
-        line = cartesian_path(arm.chain, start, begin, end, is_free)
-        if line.waypoints is None:
-            raise MotionError(line.reason)
-        for timing in (time_curve, time_path):  # a curve is faster, but may leave the line or the joint limits
-            trajectory = control.timed(arm.joints, line.waypoints, timing)
-            rows = trajectory.positions[1:]
-            straight = keeps_line(chain.fk(trajectory.positions), begin, end)
-            if straight and chain.within(rows, 1e-6).all() and all_free(rows):
-                return trajectory
-        raise MotionError("in collision or off the line between two waypoints")
 
 
 @dataclass

@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import ruckig
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from executive.motion.kinematics import Chain
 from planlang.geometry import Array
@@ -27,6 +27,8 @@ from planlang.geometry.matrices import cross_matrix, product, rotated
 from planlang.protocols import Trajectory
 from planlang.records import dataclass
 
+Solve = Callable[[Array, Array], tuple[Array, NDArray[np.bool_]]]
+"""Inverse kinematics, as :meth:`Chain.solve`."""
 UNTURNED = 1e-12
 """Twice the angle up to which two rotations count as equal [rad]."""
 HALF_TURN = 1e-3
@@ -62,17 +64,19 @@ def cartesian_path(
     *,
     steps: int = 9,
     largest_step: float = 0.5,
+    solve: Solve | None = None,
 ) -> TipLine:
     """Move the tip straight from one pose (4, 4) to another in the chain's base frame, turning it evenly.
 
     No step may move a joint by more than ``largest_step`` [rad, m]; every configuration but ``start_q`` (d,) is
     checked. Between waypoints the motion is straight in joint space; if the tip then leaves its line by more than
-    :func:`keeps_line` allows, steps are halved.
+    :func:`keeps_line` allows, steps are halved. ``solve`` stands for the chain's own inverse kinematics.
     """
     start, goal = np.asarray(start_pose, float), np.asarray(goal_pose, float)
-    counts = [steps * 2**halved for halved in range(REFINED + 1)]
+    counts, begin = [steps * 2**halved for halved in range(REFINED + 1)], np.array(start_q, float)
     for count in counts:
-        line = _in_steps(chain, np.array(start_q, float), _between(start, goal, count), is_free, largest_step)
+        poses = _between(start, goal, count)
+        line = _in_steps(chain.names, solve or chain.solve, begin, poses, is_free, largest_step)
         if line.waypoints is None:
             return line
         middles = chain.fk((line.waypoints[:-1] + line.waypoints[1:]) / 2)
@@ -99,18 +103,20 @@ def keeps_line(poses: Array, start: Array, goal: Array) -> bool:
     return bool(stray <= LARGEST_STRAY and cosines.min() >= math.cos(LARGEST_TILT))
 
 
-def _in_steps(chain: Chain, q: Array, poses: Array, is_free: Callable[[Array], bool], largest_step: float) -> TipLine:
+def _in_steps(
+    names: Sequence[str], solve: Solve, q: Array, poses: Array, is_free: Callable[[Array], bool], largest_step: float
+) -> TipLine:
     """Follow poses (n, 4, 4) from a configuration (d,)."""
     waypoints, steps = [q], len(poses)
     for i in range(steps):
         if i % AHEAD == 0:  # solve the next few from here: close enough for a seed, and one call for all
             ahead = poses[i : i + AHEAD]
-            solutions, reached = chain.solve(ahead, np.broadcast_to(q, (len(ahead), 1, len(q))))
+            solutions, reached = solve(ahead, np.broadcast_to(q, (len(ahead), 1, len(q))))
         if not reached[i % AHEAD]:
             return TipLine(None, f"the tip cannot reach step {i + 1} of {steps}")
         jump = np.abs(solutions[i % AHEAD] - q)
         if jump.max() > largest_step:
-            name = chain.names[int(np.argmax(jump))]
+            name = names[int(np.argmax(jump))]
             return TipLine(None, f"{name} would jump by {jump.max():.2f} at step {i + 1} of {steps}")
         q = solutions[i % AHEAD]
         if not is_free(q.copy()):

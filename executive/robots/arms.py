@@ -9,7 +9,7 @@ from functools import partial
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from executive.motion import Chain, Gaze
 from executive.robots.mechanism import Mechanism
@@ -33,6 +33,8 @@ MOST_AIMED = 3
 """Number of joints that aim the camera, the nearest to it: tables of more take gigabytes. Others stay as they are."""
 AROUND = 0.01
 """Distance that a shape reaches beyond the grip point to all sides if it covers it [m]."""
+LONG = 10.0
+"""Time from end to end from which on a torso is slow [s]: arms are anywhere in a few seconds."""
 TURN_STEP, SLIDE_STEP = 0.08, 0.02
 """Resolution of collision checks along motions of revolute and prismatic joints [rad], [m]."""
 
@@ -135,6 +137,8 @@ class ArmModel:
     """Initial postures for inverse kinematics, (s, d)."""
     lift: Lift | None = None
     """The torso, if it lifts the arm straight up."""
+    standing: Chain | None = None
+    """The chain with that torso at its lowest if it is slow (:data:`LONG`): the arm moves without it where it can."""
     openings: Openings = field(default_factory=Openings)
     """Openings of the hand."""
     hand_corners: Array = field(default_factory=lambda: np.zeros((1, 3)))
@@ -185,6 +189,20 @@ class ArmModel:
     def upper(self) -> Array:
         """Upper limits of its joints, (d,) [rad, m]."""
         return self.chain.upper
+
+    def solve(self, targets: ArrayLike, seeds: ArrayLike) -> tuple[Array, NDArray[np.bool_]]:
+        """Solve as :meth:`Chain.solve`; a slow torso stays as in the first seed if the arm alone gets there."""
+        poses, starts, lift = np.asarray(targets, float), np.asarray(seeds, float), self.lift
+        if lift is None or self.standing is None or not len(poses):
+            return self.chain.solve(poses, starts)
+        column = lift.column
+        position, lowered = starts[:, 0, column].clip(self.lower[column], self.upper[column]), poses.copy()
+        lowered[:, 2, 3] -= lift.rise(position)
+        rest, ok = self.standing.solve(lowered, np.delete(starts, column, axis=2))
+        q = np.insert(rest, column, position, axis=1)
+        if not ok.all():
+            q[~ok], ok[~ok] = self.chain.solve(poses[~ok], starts[~ok])
+        return q, ok
 
     def lowest(self, rotations: Array, held: Held | None) -> Array:
         """Compute heights (m,) of the lowest point of hand and held object above the tip, for rotations (m, 3, 3)."""
@@ -274,6 +292,7 @@ def _model(robot: Robot, arm: Arm, world: PlanningWorld) -> ArmModel:
     shoulders = np.repeat(((low + high) / 2)[None], SAMPLES, 0)
     shoulders[:, 2] = np.clip(tips[:, 2], low[2], high[2])
     fingers = arm.gripper.finger_links if arm.gripper is not None else ()
+    lift = lift_of(chain, robot.torso)
     return ArmModel(
         part=arm,
         chain=chain,
@@ -290,7 +309,8 @@ def _model(robot: Robot, arm: Arm, world: PlanningWorld) -> ArmModel:
         shoulder_high=high,
         reach=REACH_MARGIN * float(np.linalg.norm(tips - shoulders, axis=1).max()),
         seeds=_distinct(seeds),
-        lift=lift_of(chain, robot.torso),
+        lift=lift,
+        standing=None if lift is None or not _is_slow(lift, robot) else chain.locked({lift.joint: lift.lowest}),
     )
 
 
@@ -322,6 +342,10 @@ def _distinct(seeds: list[Array]) -> Array:
     for seed in seeds:
         distinct.setdefault(np.round(seed, 6).tobytes(), seed)
     return np.stack(list(distinct.values()))
+
+
+def _is_slow(lift: Lift, robot: Robot) -> bool:
+    return abs(lift.highest - lift.lowest) > LONG * robot.limits[lift.joint].speed
 
 
 def lift_of(chain: Chain, torso: str | None) -> Lift | None:

@@ -6,8 +6,9 @@ is about 5 kB of JSON: worlds, belief, random numbers, and choices that are kept
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import cache
 from itertools import chain, islice
@@ -15,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from executive.ahead.leaving import at_rest, with_in_hand
+from executive.ahead.later_steps import fetched_beside
 from executive.belief import Belief
 from executive.belief.facts import decide
 from executive.belief.obstacles import with_store
@@ -23,7 +24,8 @@ from executive.belief.planning_scene import PlanningScene
 from executive.belief.purposes import Purposes
 from executive.belief.scene_collisions import BasePose
 from executive.belief.snapshots import changed_since, with_changes
-from executive.locations import ReachKind, Resolver
+from executive.locations import HandSolution, ReachKind, Resolver
+from executive.locations.supposed import at_rest, with_in_hand
 from executive.maps import SemanticMap, default_starts
 from executive.modules.around_actions import RobotModule
 from executive.modules.effects import ActionEffects
@@ -34,7 +36,7 @@ from executive.robots.arms import RobotHandle, RobotModel
 from planlang.action_classes import ancestors_of
 from planlang.action_conditions import declared
 from planlang.changes import Physics
-from planlang.designators import Action, Condition, Device, FixedPose, Location, Object, a_posture, action
+from planlang.designators import Action, Condition, Device, FixedPose, Location, Object, a_location, a_posture, action
 from planlang.diagnostics import BadInput, Span, error
 from planlang.failures import LocationUnresolvable, ObjectNotFound, ObjectUnresolvable
 from planlang.geometry.matrices import apart
@@ -42,12 +44,14 @@ from planlang.language.process_module import ProcessModule
 from planlang.ontology import expand, shorten
 from planlang.progress import Report, unreported
 from planlang.protocols import Configuration, RobotInterface, Solution
-from planlang.state import Hold
+from planlang.state import Hold, WorldState
 from planlang.words import Blank, Option, Text
 from sim import PlanningWorld, PyBulletWorld, Scene, WorldMirror, perturb
 from sim.mirror import become
 from sim.truth import ROBOT
 
+MOST_NEAREST = 50
+"""Free places near a start that is not, of which one is advised."""
 MOST_STARTS = 5000
 """Maximum number of free base poses to try for one where the arms have room, too: a disc of 2 m in the fine grid."""
 
@@ -79,7 +83,7 @@ def world_at_start(
     if held:
         world = WorldMirror(world, robot.name).at(world.world_state(robot.name).gripping(held))
     if start is not None:
-        _check_start(world)
+        _check_start(world, default_starts(scene, robot.base.radius))
     now = world.configuration()
     for pose in chain((first,), islice(poses, MOST_STARTS)):
         if not world.contacts(replace(now, base=pose), moving=("base",)):
@@ -102,8 +106,11 @@ def _no_start() -> BadInput:
     return BadInput([error("X003", "no free start pose for the robot was found", help=advice)])
 
 
-def _check_start(world: PlanningWorld) -> None:
-    """Raise BadInput if the start pose is in collision or off the map."""
+def _check_start(world: PlanningWorld, free: Iterator[BasePose]) -> None:
+    """Raise BadInput if the start pose is in collision or off the map; the help is the nearest of some ``free`` ones.
+
+    Of these, the robot with its arms has room only at some.
+    """
     x, y, yaw = world.scene.start
     x_min, y_min, x_max, y_max = world.scene.bounds
     place = f"the robot cannot start at {x:g},{y:g},{yaw:g}"
@@ -112,6 +119,12 @@ def _check_start(world: PlanningWorld) -> None:
         raise BadInput([error("X007", f"{place}: it is off the map", help=advice)])
     touched = sorted({contact.body for contact in world.contacts()})
     if touched:
+        now = world.configuration()
+        nearest = sorted(islice(free, MOST_STARTS), key=lambda pose: math.dist(pose[:2], (x, y)))[:MOST_NEAREST]
+        for base in (base for base in nearest if not world.contacts(replace(now, base=base), moving=("base",))):
+            near = tuple(round(number, 2) for number in base)
+            advice = Text(Option("start", near), " is the nearest free place that was found")
+            break
         raise BadInput([error("X007", f"{place}: it would collide with {', '.join(touched)}", help=advice)])
 
 
@@ -235,7 +248,8 @@ class RobotExecutive:
             while True:
                 self.platform.observe()
                 try:
-                    for solution in self.platform.ahead.first(str(location), resolver.bases(location), self._gets_away):
+                    bases = self._with_a_hand_left(location)
+                    for solution in self.platform.ahead.first(str(location), bases, self._gets_away):
                         is_found = True
                         yield solution
                 except LocationUnresolvable as problem:
@@ -252,14 +266,45 @@ class RobotExecutive:
                 raise
             raise ObjectNotFound(f"it is not known where {missing} is", what=str(missing)) from problem
 
+    def _with_a_hand_left(self, location: Location) -> Iterator[Solution]:
+        """Yield base poses, first those of another arm if the best one's takes the hand that is needed next.
+
+        That is where a later step takes another thing that only this hand reaches, before it is empty again.
+        """
+        platform = self.platform
+        found = platform.resolver.bases(location)
+        first = next(found, None)
+        if first is None:
+            return
+        if location.device is None and not self._leaves_a_hand(first):
+            for arm in platform.arms.free(platform.scene.arms.hands):
+                with suppress(LocationUnresolvable):
+                    other = next(platform.resolver.bases(replace(location, device=self._device(arm.name))))
+                    if arm.name != first.detail.get("arm") and self._leaves_a_hand(other):
+                        yield other
+        yield first
+        yield from found
+
+    def _leaves_a_hand(self, solution: Solution) -> bool:
+        """Check whether what is grasped from a solution leaves a hand for what is taken beside it."""
+        platform = self.platform
+        for grasp, state in self._grasped(solution):
+            other = fetched_beside(grasp.reach.body, platform.scene)
+            if other is not None and not platform.ahead.reaches(a_location(in_reach_of=other), state):
+                return False
+        return True
+
     def _gets_away(self, solution: Solution) -> bool:
         """Check whether the base gets away from a solution with all things that are grasped from there."""
-        platform = self.platform
-        reached = platform.resolver.reached_from(solution.base).values()
-        grasps = [one for found in reached for one in found.values() if one.reach.kind is ReachKind.GRASP]
-        state = platform.scene.belief.state
-        states = (with_in_hand(platform.scene, at_rest(platform.scene, state, solution.base), one) for one in grasps)
-        return all(map(platform.ahead.gets_away, states))
+        return all(self.platform.ahead.gets_away(state) for _, state in self._grasped(solution))
+
+    def _grasped(self, solution: Solution) -> Iterator[tuple[HandSolution, WorldState]]:
+        """Yield the grasps from a base pose, each with the state once the thing is in the hand."""
+        scene = self.platform.scene
+        for found in self.platform.resolver.reached_from(solution.base).values():
+            for one in found.values():
+                if one.reach.kind is ReachKind.GRASP:
+                    yield one, with_in_hand(scene, at_rest(scene, scene.belief.state, solution.base), one)
 
     def _waiting(self, location: Location) -> Solution | None:
         """Wait for other robots that keep the base from a location where they stand now; None without any."""

@@ -30,7 +30,7 @@ from planlang.runs.trace import Listener
 from planlang.temporary import temporary_folder
 from planlang.words import joined
 from sim.joints import Articulation, JointKind
-from sim.truth import Truth, at_rest_on, held_by
+from sim.truth import ROBOT, Truth, at_rest_on, held_by
 
 if TYPE_CHECKING:
     from executive.runs.assembly import RobotExecutive
@@ -96,17 +96,18 @@ class RunOptions(RunSettings):
 # The result
 
 
-def state_lines(truth: Truth, names: Iterable[str]) -> Iterator[str]:
+def state_lines(truth: Truth, names: Iterable[str], held: Mapping[str, str] | None = None) -> Iterator[str]:
     """Yield lines for each thing of the plan: where it is, whether it is open, its state (on, Clean), its contents.
 
-    Then a line for each other door or drawer that the run left open.
+    Then a line for each other door or drawer that the run left open. ``held`` says in which hand things still are.
     """
     scene, leaves = truth.scene, set[str]()
     for name in dict.fromkeys(names):
         if scene.body(name).graspable:
             holder, support = held_by(truth, name), at_rest_on(truth, name)
             if holder is not None:
-                yield f"{name}: held by {holder}"
+                hand = (held or {}).get(name) if holder == ROBOT else None
+                yield f"{name}: held by {holder}" if hand is None else f"{name}: still held by {holder}, {hand}"
             else:
                 yield f"{name}: at rest on {support}" if support is not None else f"{name}: not at rest"
         for joint in scene.joints:

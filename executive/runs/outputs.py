@@ -25,7 +25,7 @@ from executive.runs.parameters import Bound
 from executive.runs.pose_log import PoseLog
 from executive.runs.prepared import RunFiles
 from executive.runs.traces import lines_of
-from executive.runs.written import Written, bodies_of
+from executive.runs.written import Written, bodies_of, still_held
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.failures import PlanFailure
 from planlang.outputs import replace as write_complete
@@ -160,7 +160,8 @@ class Outputs(Written):
     def _caption(self, names: Sequence[str]) -> tuple[str, ...]:
         assert self._ending is not None
         seconds = self._truth.steps / self._truth.rate
-        return self._ending(*self._ended, seconds, state_lines(self._truth, names))
+        held = still_held(self._platform) if self._failure is not None else {}
+        return self._ending(*self._ended, seconds, state_lines(self._truth, names, held))
 
 
 def names_in(failure: PlanFailure) -> Iterator[str]:

@@ -161,11 +161,13 @@ def bound_parameters(
 def not_in_map(bound: Mapping[str, Bound], semantic_map: SemanticMap, made: Collection[str]) -> Iterator[Diagnostic]:
     """Yield a diagnostic for each individual that the map lacks, for which a thing of its class is used.
 
-    It is a warning if there are several: the nearest may be the wrong one. Excludes parameters that the plan itself
-    creates (``made``).
+    It is a warning if there are several: the nearest may be the wrong one; an error in a recipe for this very map, of
+    which it names other things: what is missing there is missing. Excludes parameters that the plan itself creates
+    (``made``).
     """
     in_map = {thing.iri for thing in semantic_map.objects}
     things = [what for name, value in bound.items() if name not in made for what in things_of(value)]
+    own = {_namespace(what.iri) for what in things if what.iri is not None and what.iri in in_map}
     for what in dict.fromkeys(one for one in things if one.iri is not None and one.iri not in in_map):
         placed = [thing for thing in semantic_map.objects if thing.pose is not None]
         named = namesakes(semantic_map.ontology, placed, what)
@@ -174,7 +176,8 @@ def not_in_map(bound: Mapping[str, Bound], semantic_map: SemanticMap, made: Coll
         if not fitting:
             continue
         message = f"{local_name(what.iri or '')} of the recipe ({what.iri}) is not in the map"
-        if len(fitting) == 1:
+        is_for_this_map = not named and _namespace(what.iri or "") in own
+        if len(fitting) == 1 and not is_for_this_map:
             reason = f"its only {what.type}" if len(alike) == 1 else f"its {what.type} of that name ({named[0].iri})"
             yield note("X029", f"{message}: using {fitting[0].name}, {reason}")
             continue
@@ -183,7 +186,14 @@ def not_in_map(bound: Mapping[str, Bound], semantic_map: SemanticMap, made: Coll
         advice = "name one in the recipe by its IRI in the map"
         if names:
             advice = Text("choose one: ", _set(names[0], fitting[0].name))
+        if is_for_this_map:
+            yield error("X029", f"{message}, which has other things of the recipe; it has {known}", help=advice)
+            continue
         yield warning("X029", f"{message}: using the {what.type} nearest to the robot, of {known}", help=advice)
+
+
+def _namespace(iri: str) -> str:
+    return iri.removesuffix(local_name(iri))
 
 
 def things_of(value: Bound) -> Iterator[Object]:

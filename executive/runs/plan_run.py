@@ -46,9 +46,9 @@ from executive.runs.plan_files import (
 from executive.runs.prepared import Inputs, RunFiles, prepared, read_environment
 from executive.runs.remedies import able_robots, absent_things, call_of, call_to_pass_on, performing
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256, versions
-from executive.runs.written import WatchedWorld, Written, bodies_of
+from executive.runs.written import WatchedWorld, Written, bodies_of, still_held
 from planlang.designators import Action, local_name
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
 from planlang.failures import (
     ActionUnresolvable,
     AmbiguousPerception,
@@ -224,7 +224,10 @@ class Run:
             bound = recorded_parameters(files.recorded, plan_parameters(self.plan))
         else:
             bound = bound_parameters(self.plan, options.set or {}, semantic_map, found)
-        found += not_in_map(bound, semantic_map, self.source.outputs)
+        missing = list(not_in_map(bound, semantic_map, self.source.outputs))
+        if has_errors(missing):
+            raise BadInput(missing)
+        found += missing
         return _Subject(semantic_map, scene, bound, self.source.needs(self._module, self.plan))
 
     def _assessment(self, subject: _Subject, robot: Robot | None = None) -> Assessment:
@@ -302,13 +305,12 @@ class Run:
             "map_sha256": [document.sha256 for document in subject.map.ontology.documents],
             "versions": versions(),
         }
-        settings = header_entries(
-            options,
-            models=None if given is None else [one.iri for one in given],
-            modules=self.registry.identity or None,
-        )
+        models = None if given is None else [one.iri for one in given]
+        settings = header_entries(options, models=models, modules=self.registry.identity or None)
         infeasible = [alternative.name for alternative, _ in assessment.infeasible]
-        return header | settings | ({"infeasible": infeasible} if infeasible else {})
+        # a resumed run makes the changes by itself
+        also = {"infeasible": infeasible, "applied": [one.as_json() for one in self.files.changes]}
+        return header | settings | {key: value for key, value in also.items() if value}
 
     def _check_things(self, subject: _Subject, executive: RobotExecutive) -> None:
         """Raise BadInput for parameters without a thing, now or later, and for ambiguous ones.
@@ -424,7 +426,9 @@ class Run:
         finally:
             trace.close()
             written.save(outcome.value, message, failed)
-        state = tuple(state_lines(truth, bodies_of(bound, executive.platform.belief, truth)))
+        platform = executive.platform
+        held = still_held(platform) if outcome is not Outcome.DONE else {}
+        state = tuple(state_lines(truth, bodies_of(bound, platform.belief, truth), held))
         return RunResult(
             outcome,
             message,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import TYPE_CHECKING, Any
 
+from executive.robots.arms import called
 from executive.runs.options import Tilts
 from executive.runs.parameters import Bound, things_of
 from executive.runs.prepared import RunFiles
@@ -18,6 +19,7 @@ from sim.truth import Truth
 
 if TYPE_CHECKING:
     from executive.belief import Belief
+    from executive.modules.platform import Platform
 
 
 class Written:
@@ -91,11 +93,18 @@ class WatchedWorld:
 
 
 def bodies_of(bound: Mapping[str, Bound], belief: Belief, truth: Truth) -> Iterator[str]:
-    """Yield the bodies of the plan's parameters that exist."""
+    """Yield the bodies of the plan's parameters that exist, all that one by class has meant, and what is in a hand."""
     for what in (one for value in bound.values() for one in things_of(value)):
-        try:
-            name = belief.bind(what, truth.configuration().base)
-        except PlanFailure:
-            continue
-        if name in truth.names():
-            yield name
+        names = [one.name for one in belief.memory.meanings.get(what, ())]
+        with suppress(PlanFailure):
+            names = names or [belief.bind(what, truth.configuration().base)]
+        yield from (name for name in names if name in truth.names())
+    yield from truth.attached()
+
+
+def still_held(platform: Platform) -> dict[str, str]:
+    """Say for each thing that the robot holds where a plan has failed in which of several hands it still is."""
+    arms = platform.robot.arms
+    sides = {arm.name: f"in the {arm.side} hand" if arm.side else f"by {called(arm.name)}" for arm in arms}
+    held = platform.belief.held.items() if len(arms) > 1 else ()
+    return {name: sides[grip.arm] if len(grip.arms) == 1 else "in both hands" for name, grip in held}

@@ -244,11 +244,19 @@ async def _gave_turn(to: Giving) -> bool:
 
 
 def goes_first() -> bool:
-    """Check whether the block around this goes before one that gave it its turn, with a thing in its hand."""
+    """Check whether the block around this goes before one that gave it its turn, with a thing in its hand.
+
+    Where a step fails for want of that hand (:func:`lacks_hands`), ``perform`` gives the turn back.
+    """
     lease, (scheduler, task) = holding(), here()
     if lease is None or lease.task is not task:
         return False
     return scheduler.service(Arbiter).next_after(lease, Giving.BACK) is not None
+
+
+def lacks_hands(failure: PlanFailure) -> bool:
+    """Check whether a failure says that hands are lacking."""
+    return any(isinstance(link, (HandsFull, HandsLacking)) for link in failure.chain())
 
 
 async def hand_freed(failure: PlanFailure, *, anyway: bool = False) -> bool:
@@ -256,8 +264,7 @@ async def hand_freed(failure: PlanFailure, *, anyway: bool = False) -> bool:
 
     ``anyway``: whatever the failure says. True once that block has ended, or gives the turn back.
     """
-    lacking = any(isinstance(link, (HandsFull, HandsLacking)) for link in failure.chain())
-    return (anyway or lacking) and await _gave_turn(Giving.BACK)
+    return (anyway or lacks_hands(failure)) and await _gave_turn(Giving.BACK)
 
 
 def _touch(lease: Lease, name: str) -> None:

@@ -5,15 +5,16 @@ Numbers with units are converted to SI units (:mod:`planlang.units`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
 from planlang.designators import local_name, snake_case
 from planlang.kept import kept
+from planlang.measures import length, read_transform, stated
 from planlang.ontology import BNode, Literal, Ontology, Restriction, Term, expand, shorten
 from planlang.ontology.terms import OWL, RDF, RDFS, UPPER, XSD, is_vocabulary
 from planlang.recipe.model import Filler, Kind, Name, Parameter, Place, Thing
-from planlang.recipe.stated_poses import stated_pose
 from planlang.recipe.statements import (
     KINDS,
     ON_ACTIONS,
@@ -36,6 +37,9 @@ PLACE = "Place"
 
 ANYTHING = ("EnduringThing-Localized", "SpatialThing-Localized", "SpatialThing")
 """Classes of things with a position, whatever their kind."""
+
+UPRIGHT = 1e-3
+"""Tolerance of the z component of a pose's z axis around 1 within which it points up."""
 
 MOST_PLACES = 10
 """Maximum length of a chain of places: a plan nests the call for each place in that for the previous one."""
@@ -102,10 +106,23 @@ def _is_just_a_place(ontology: Ontology, iri: str) -> bool:
 
 
 def _pose(ontology: Ontology, iri: str) -> tuple[float, float, float, float] | None:
-    """Pose that a rotation matrix states; None for anything else."""
+    """Pose of a base in the map frame, x, y, z [m] and heading [rad]; None unless it is stated, with the z axis up.
+
+    Of a matrix only the entries are needed that such a pose depends on.
+    """
     if not ontology.is_a(iri, expand("RotationMatrix3D")):
         return None
-    return stated_pose(ontology, iri)
+    entries = [stated(ontology, iri, name) for name in ("m03", "m13", "m23", "m00", "m10", "m22")]
+    if any(entries):
+        numbers = [None if one is None else length(one, []) for one in entries]
+    else:
+        matrix = read_transform(ontology, iri, [])
+        numbers = [] if matrix is None else [*matrix[:3, 3].tolist(), matrix[0, 0], matrix[1, 0], matrix[2, 2]]
+    known = [float(one) for one in numbers if one is not None]
+    if len(known) < len(entries) or abs(known[-1] - 1) > UPRIGHT:
+        return None
+    x, y, z, cosine, sine, _ = known
+    return x, y, z, math.atan2(sine, cosine)
 
 
 def read_filler(ontology: Ontology, term: Term, property_name: str | None = None) -> Filler | None:

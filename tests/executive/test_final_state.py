@@ -43,5 +43,9 @@ def test_containers_devices_and_vessels_are_told_of_beside_where_things_are() ->
             "cup: Clean",
             "oven: off",
         ]
+        world.attach(robot.arm("right").tip, "cup")
+        assert next(iter(state_lines(world, ["cup"]))) == "cup: held by robot"
+        held = {"cup": "in the right hand"}
+        assert next(iter(state_lines(world, ["cup"], held))) == "cup: still held by robot, in the right hand"
     finally:
         world.close()

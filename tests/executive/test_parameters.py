@@ -192,6 +192,17 @@ def test_what_stands_for_an_individual_that_the_map_lacks_is_told(
     assert not list(not_in_map({"thing": Object("DrinkingBottle", there.iri), "time": 3.0}, room, ()))
 
 
+def test_nothing_stands_for_what_lacks_in_the_map_of_which_the_recipe_names_other_things(room: SemanticMap) -> None:
+    there = room.find("cabinet1")
+    assert there is not None
+    gone = Object("DrinkingBottle", there.iri.replace("cabinet1", "bottle7"))
+    (found,) = not_in_map({"thing": gone, "place": Object("Cabinet-PieceOfFurniture", there.iri)}, room, ())
+    assert (found.severity.value, found.help) == ("error", 'choose one: set={"thing": "bottle1"}')
+    assert found.message == (
+        f"bottle7 of the recipe ({gone.iri}) is not in the map, which has other things of the recipe; it has bottle1"
+    )
+
+
 NAMED = """
 from typing import Annotated
 from planlang import Object, plan

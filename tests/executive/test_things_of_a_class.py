@@ -12,6 +12,7 @@ import pytest
 from executive.modules.platform import Platform
 from executive.runs.options import Outcome, RunOptions
 from executive.runs.plan_run import run_plan_file
+from executive.runs.written import bodies_of
 from planlang import at_location, par, perform, with_failure_handling
 from planlang.designators import Action, Object, a_location, action, an_object
 from planlang.failures import GraspMissed, ObjectUnresolvable, PlanFailure
@@ -144,6 +145,7 @@ def test_two_steps_that_want_the_same_take_two_cups(room: Room, together: bool) 
 
     stage.run(partial(par, *steps) if together else in_turn)
     assert sorted(name for _, name in hands.did) == ["cup1", "cup2"]
+    assert sorted(bodies_of({"cup": CUP, "table": HERE}, stage.belief, stage.truth)) == ["cup1", "cup2", "here"]
 
 
 def test_different_steps_in_a_row_mean_the_same_cup_in_every_round(room: Room) -> None:

@@ -35,10 +35,10 @@ def happened(trace: Path) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("robot", "seconds"), [pytest.param("amigo.omn", 160, id="amigo"), pytest.param("pr2.toml", 215, id="pr2")]
+    ("robot", "seconds"), [pytest.param("amigo.omn", 160, id="amigo"), pytest.param("pr2.toml", 101, id="pr2")]
 )
 def test_two_things_are_fetched_before_one_is_brought(robot: str, seconds: float, tmp_path: Path) -> None:
-    """One after the other they take Amigo 172 s, and PR2 220 s."""
+    """One after the other they take Amigo 172 s, and PR2 127 s."""
     skip_without_pr2(robot.partition(".")[0])
     run = run_plan_file(options(robot, tmp_path))
     assert run.final_state == BOTH, run.message

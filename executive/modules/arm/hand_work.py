@@ -12,6 +12,7 @@ from executive.motion import MotionError
 from executive.robots.arms import ArmModel
 from planlang.designators import Action
 from planlang.failures import (
+    BehindClosedDoor,
     DesignatorFailure,
     HandleNotReachable,
     HandsFull,
@@ -63,19 +64,18 @@ class HandWork(PlatformModule):
         what: str,
         failure: type[HandleNotReachable | ManipulationGoalNotReached] = HandleNotReachable,
     ) -> list[ArmModel]:
-        """List the empty hands, one of which is to work on a ``part`` of ``what``. Raises ``failure`` without any."""
+        """List the empty hands, one of which is to work on a ``part`` of ``what``.
+
+        Raises HandsFull if all hold something, and ``failure`` if there is no hand.
+        """
         free, scene = self.free_hands(), self.platform.scene
         if free:
             return free
         holding = {arm.name: held.name for arm in scene.arms.all if (held := scene.arms.held(arm.name)) is not None}
         if not holding:
             raise failure(f"no arm of the robot has a hand for {part}", what=what)
-        full = HandsFull(
-            designator=f"a hand at {part}",
-            what=part,
-            held={arm: scene.bodies.designator(name) for arm, name in holding.items()},
-        )
-        raise failure(full.because(), what=what) from full
+        full = {arm: scene.bodies.designator(name) for arm, name in holding.items()}
+        raise HandsFull(designator=f"a hand at {part}", what=part, held=full)
 
     async def look(self, what: str) -> None:
         """Look at a body, if the neck can, and update the belief."""
@@ -89,17 +89,23 @@ class HandWork(PlatformModule):
         drive: Callable[[BasePose], Awaitable[object]],
         look: Callable[[], Awaitable[bool]],
     ) -> bool:
-        """Drive to base poses until a look succeeds; return whether one did."""
+        """Drive to base poses until a look succeeds; return whether one did.
+
+        Raises BehindClosedDoor if a door between rooms keeps the base from all of them.
+        """
 
         async def contact(_: BasePose) -> None:
             if not await look():
                 raise LookingFailure
 
         failures = (NavigationFailure, LookingFailure)
-        with suppress(DesignatorFailure, ManipulationPoseUnreachable, *failures):
+        try:
             await Skill(bases, contact, drive, failures=failures, most=VIEWS).run()
-            return True
-        return False
+        except BehindClosedDoor:
+            raise  # once the door is open there are such poses
+        except (DesignatorFailure, ManipulationPoseUnreachable, *failures):
+            return False
+        return True
 
     async def tuck(self) -> None:
         """Move the arms to their carrying postures, where a path is found."""

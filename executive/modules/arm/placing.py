@@ -81,7 +81,7 @@ class Lowering(HandReaching):
             ends = base @ out, base @ above
             joints, reached = arm.chain.solve(np.repeat(ends[0][None], len(arm.seeds), axis=0), arm.seeds[:, None])
             for q in joints[reached]:
-                if is_free(q) and cartesian_path(arm.chain, q, *ends, is_free).waypoints is not None:
+                if is_free(q) and cartesian_path(arm.chain, q, *ends, is_free, solve=arm.solve).waypoints is not None:
                     return np.asarray(q)
         return None
 

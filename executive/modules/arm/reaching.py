@@ -11,7 +11,7 @@ import numpy as np
 from executive.locations import HandSolution, ReachKind
 from executive.locations.demands import asks_for
 from executive.modules.arm.hand_work import HandWork
-from executive.modules.platform import ITERATIONS
+from executive.modules.arm_paths import ITERATIONS
 from executive.modules.runner import Skill, first_failure, nothing
 from executive.modules.ways_out import planned, way_out_of_arm
 from executive.motion import MotionError, NoPath
@@ -275,8 +275,9 @@ class HandReaching(HandWork):
     ) -> Trajectory:
         rounds = max(1, iterations // FEW)  # restarts, because one long search would hold up all other tasks
         for number in range(1, rounds + 1):
-            try:
-                return self.platform.arms.path(arm, goal, touches, iterations // rounds, others)
+            try:  # a slow torso moves at last: after few iterations there are other ways, as backing off
+                still = number < rounds or iterations <= FEW
+                return self.platform.arms.path(arm, goal, touches, iterations // rounds, others, still=still)
             except MotionError as problem:
                 if not isinstance(problem, NoPath) or number == rounds:
                     raise ManipulationPoseUnreachable(arm=arm.name, what=label) from problem

@@ -19,6 +19,7 @@ from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations import Rejections
 from executive.locations.changes import Changes
+from executive.locations.shut_ways import check_way_to
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.platform import Platform
 from executive.modules.runner import Skill, nothing
@@ -197,12 +198,13 @@ class ConstrainedWork(HandWork):
         return not self.platform.robot.base.fixed
 
     async def _look(self, grounding: Grounding) -> None:
-        """Look at world objects not seen since the base moved, and record their first seen poses in the phase."""
+        """Look at world objects not seen since the base moved, and note first poses. Raises BehindClosedDoor."""
         belief, phase = self.platform.belief, grounding.phase
         for name in grounding.world_things():
             if name in phase.things or name in belief.held:
                 continue
             if not belief.seen_from_here(name):
+                check_way_to(self.platform.scene, name)
                 with suppress(PerceptionFailure, LookingFailure):
                     bind = self.platform.scene.bodies.bind
                     what = next(one.world.of for one in grounding.constraints if bind(one.world.of) == name)

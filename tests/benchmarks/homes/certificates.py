@@ -17,8 +17,10 @@ from executive.robots import Arm
 from planlang.geometry import Array, Pose
 from sim import Body, Scene
 from sim.joints import Articulation, JointKind
+from tests.benchmarks.homes.floor import Floor, outline
 from tests.benchmarks.homes.furnishing import Rectangle
-from tests.benchmarks.homes.grips import ENDS, PITCHES, Grips, Hands, around, slants
+from tests.benchmarks.homes.grips import ENDS, PITCHES, TAKEN, Grips, Hands, around, slants
+from tests.benchmarks.homes.nearest import Aim, Nearest
 from tests.benchmarks.homes.tasks import Need
 from tests.support.locations.dense_sampler import Joints, way_from, way_of_two
 from tests.support.locations.oracle import Oracle
@@ -47,6 +49,14 @@ NODES = 20_000
 """Places of the base, with headings, that are looked at for one way."""
 WIPING = 0.06
 """Height of a hand that wipes over the table [m]."""
+AT_FIRST, THEN = (0,), (1, 2, 3, 4, 5)
+"""Sets of postures that yield to contacts, before and after those drawn at random."""
+CLEAR, EXACT = 0.001, 0.0008
+"""Distance that they keep from everything, and what remains of it where one is good [m]."""
+NEAR_OVER = 0.02
+"""Half the extents of the place where a hand is that pours, wipes or hands over [m]."""
+WELL_IN = 0.6
+"""Share of the extents of a thing within which its grip is."""
 PAST = 0.35
 """Distance at which something is handed over before somebody's middle [m]."""
 
@@ -54,7 +64,7 @@ PAST = 0.35
 class Search:
     """The search for certificates in one scene."""
 
-    def __init__(self, oracle: Oracle, chains: Mapping[str, Joints], floor: Array, seconds: float) -> None:
+    def __init__(self, oracle: Oracle, chains: Mapping[str, Joints], floor: Floor, seconds: float) -> None:
         self.oracle, self.chains, self.floor, self.seconds = oracle, chains, floor, seconds
         self.grips = Grips({arm.name: fingers_ahead(oracle, arm.name) for arm in oracle.robot.arms})
         self.known = [oracle.room.start]
@@ -63,7 +73,9 @@ class Search:
     def certified(self, need: Need, scene: Scene, leaves: Sequence[str]) -> bool:
         """Return True if a certificate for a need is found with the ``leaves`` open that a robot would open for it."""
         self.rng = np.random.default_rng(0)
-        return any(self._certified(need, scene, opened) for opened in self._opened(need, scene, leaves))
+        ways = list(self._opened(need, scene, leaves))
+        share = self.seconds / len(ways)
+        return any(self._certified(need, scene, opened, share) for opened in ways)
 
     def _opened(self, need: Need, scene: Scene, leaves: Sequence[str]) -> Iterator[Mapping[str, float]]:
         """Yield leaves with the shares of their range by which they are open: a robot may close the others."""
@@ -73,12 +85,12 @@ class Search:
             return
         yield dict.fromkeys(leaves, 1.0)
         body = scene.body(need.thing)
-        needed = [leaf for leaf in leaves if leaf == need.at or _carries(scene, leaf, body)]
+        needed = [leaf for leaf in leaves if leaf == need.at or carries(scene, leaf, body)]
         for share in OPENED if len(leaves) > len(doors) else ():
             yield doors | dict.fromkeys(needed, share)
 
-    def _certified(self, need: Need, scene: Scene, opened: Mapping[str, float]) -> bool:
-        self.until = time.process_time() + self.seconds
+    def _certified(self, need: Need, scene: Scene, opened: Mapping[str, float], seconds: float) -> bool:
+        self.until = time.process_time() + seconds
         moved: dict[str, Pose] = {}
         try:
             for leaf, share in opened.items():
@@ -101,8 +113,11 @@ class Search:
             case "place":
                 spots = list(self.spots(scene, body, need.at, 0.06, TURNED, -0.02, moved))
                 self.rng.shuffle(spots)  # type: ignore[arg-type]  # poses are not to be an array
+                moved[body.name] = body.pose
+                some = Aim(spots[:SPOTS], np.array(body.size) / 2 * WELL_IN, None, between(body))
+                if spots and self._yields(some, body, AT_FIRST, self.until):
+                    return True
                 for spot in itertools.takewhile(lambda _: time.process_time() < self.until, spots[:SPOTS]):
-                    moved[body.name] = spot
                     self.oracle.move(body.name, spot)
                     if self._grasps(body, spot, share=0.2):
                         return True
@@ -133,7 +148,19 @@ class Search:
         """Return True if some arm gets to a thing, before it, and lifts it; two of them if it takes two."""
         if body.hands > 1:
             return self._grasps_with_two(body, pose, share)
-        return self._reached([self.grips.at_thing(arm, body, pose) for arm in self.oracle.robot.arms], body.name, share)
+        aim = Aim([pose], np.array(body.size) / 2 * WELL_IN, None, between(body))
+        hands = [self.grips.at_thing(arm, body, pose) for arm in self.oracle.robot.arms]
+        return self._taken(aim, hands, body, pose, share)
+
+    def _taken(self, aim: Aim, hands: Sequence[Hands], body: Body, pose: Pose, share: float) -> bool:
+        """Return True if an arm takes a body that is at a pose in one of two ways, in a ``share`` of the time left."""
+        left = share * max(self.until - time.process_time(), 0.0)
+        until = time.process_time() + left
+        return (
+            self._yields(aim, body, AT_FIRST, until)
+            or self._reached(hands, body.name, share / 2)
+            or self._yields(aim, body, THEN, until)
+        )
 
     def _over(self, point: Array) -> bool:
         """Return True if some hand gets to a point, from whatever side."""
@@ -145,31 +172,24 @@ class Search:
                 for pitch in PITCHES
             ]
             hands.append(np.concatenate([around(arm, point, np.array(way))[::4] for way in ways]))
-        return self._reached(hands, None)
+        there = Aim([Pose((float(point[0]), float(point[1]), float(point[2])))], np.full(3, NEAR_OVER))
+        return self._yields(there, None, AT_FIRST, self.until) or self._reached(hands, None)
 
     def _opens(self, leaf: str, scene: Scene, moved: dict[str, Pose]) -> bool:
         """Return True if some hand gets to a leaf's handle, shut, half open and open, from where a base can stand."""
         for share in LEADING:
             self._lead(scene, leaf, share, moved)
             handles = joint_of(scene, leaf).handles or (leaf,)
-            if not any(self._leads_by(handle, leaf, scene, moved, 0.4 / len(handles)) for handle in handles):
+            if not any(self._leads_by(handle, leaf, scene, moved, 1 / len(handles)) for handle in handles):
                 return False
         return True
 
     def _leads_by(self, handle: str, leaf: str, scene: Scene, moved: dict[str, Pose], share: float) -> bool:
         """Return True if some hand gets to a handle of a leaf, where it is, in a ``share`` of the time that is left."""
-        pose, size = moved[handle], scene.body(handle).size
-        outward = self._outward(scene, leaf, moved[leaf], pose)
-        hands = [self.grips.at_bar(arm, pose, size, slants(-outward)) for arm in self.oracle.robot.arms]
-        return self._reached(hands, handle, share)
-
-    def _outward(self, scene: Scene, leaf: str, door: Pose, handle: Pose) -> Array:
-        """Return the normal (3,) of a leaf's front at its handle."""
-        joint = joint_of(scene, leaf)
-        if joint.kind is JointKind.PRISMATIC and not joint.frame:
-            return np.array(joint.axis)
-        axis = door.rotation[:, int(np.argmin(scene.body(leaf).size))]
-        return axis * math.copysign(1.0, float(axis @ (np.array(handle.position) - door.position)))
+        body, pose = scene.body(handle), moved[handle]
+        normal = outward(joint_of(scene, leaf), scene.body(leaf), moved[leaf], pose)
+        hands = [self.grips.at_bar(arm, pose, body.size, slants(-normal)) for arm in self.oracle.robot.arms]
+        return self._taken(Aim([pose], np.array(body.size) / 2, normal, body.size), hands, body, pose, share)
 
     def _lead(self, scene: Scene, leaf: str, share: float, moved: dict[str, Pose]) -> None:
         """Open a leaf, with what lies in it if it is a drawer."""
@@ -230,6 +250,39 @@ class Search:
                     return True
         return False
 
+    def _yields(self, aim: Aim, body: Body | None, seeds: Sequence[int], until: float) -> bool:
+        """Return True if an arm gets to a body at one of some poses, and lifts it, by postures that yield to contacts.
+
+        Afterwards the body is at one of them.
+        """
+        ways = self._ways()
+
+        def put(box: int) -> None:
+            if body is not None:
+                self.oracle.move(body.name, aim.poses[box])
+
+        for seed, arm in itertools.product(seeds, self.oracle.robot.arms):
+            if arm.gripper is None or time.process_time() > until:
+                continue
+            chain = self.chains[arm.name]
+            nearest = Nearest(self.oracle, chain, arm, self.floor, (0.0, self.grips.ahead(arm) - TAKEN))
+            found = nearest.postures(aim, seed)
+            if found is None:
+                continue
+            for left, base, q, box in nearest.yielded(aim, found, put, lambda *_: False, CLEAR):
+                if time.process_time() > until:
+                    return False
+                if left > EXACT:
+                    continue
+                x, y, yaw = base.tolist()
+                tip = Pose.planar(x, y, yaw).matrix() @ chain.forward(q[None])[0][0]
+                hands = self.grips.from_tip(arm, tip, body, aim.poses[box])
+                if hands is not None and way_from(
+                    self.oracle, ways, arm, chain, (x, y, yaw), hands, q, body and body.name
+                ):
+                    return True
+        return False
+
     def _grasps_with_two(self, body: Body, pose: Pose, share: float) -> bool:
         """Return True if two arms get to two handles of a thing, or to two sides of it, from one base, and lift it."""
         until = time.process_time() + share * max(self.until - time.process_time(), 0.0)
@@ -287,7 +340,8 @@ class Search:
             return np.array([self.oracle.room.start])
         tips = chain.forward(self._anywhere(chain, 500))[0][:, :2, 3]
         reach = 1.05 * float(np.linalg.norm(tips, axis=1).max())
-        near = self.floor[np.linalg.norm(self.floor - point[:2], axis=1) < reach]
+        cells = self.floor.cells
+        near = cells[np.linalg.norm(cells - point[:2], axis=1) < reach]
         if not len(near):
             return np.zeros((0, 3))
         places = near[self.rng.integers(len(near), size=BASES)]
@@ -297,7 +351,8 @@ class Search:
     def _sees(self, name: str) -> bool:
         """Return True if a thing is seen from somewhere on the floor."""
         point, ways = self.oracle.room.body(name).pose.position, self._ways()
-        for place in self.floor[self.rng.integers(len(self.floor), size=60)] if len(self.floor) else ():
+        cells = self.floor.cells
+        for place in cells[self.rng.integers(len(cells), size=60)] if len(cells) else ():
             base = (float(place[0]), float(place[1]), math.atan2(point[1] - place[1], point[0] - place[0]))
             self.oracle.place(base, self.oracle.posture)
             if self.oracle.touched(itself=False) is None and ways.lead_to(base) and self.oracle.sees(base, name):
@@ -344,12 +399,25 @@ class Search:
                         yield pose
 
 
-def _carries(scene: Scene, leaf: str, body: Body) -> bool:
+def carries(scene: Scene, leaf: str, body: Body) -> bool:
     """Return True if a body is in a drawer, or behind a door in what has it, as long as the leaf is closed."""
     joint, within = joint_of(scene, leaf), scene.body(leaf)
     if joint.kind is not JointKind.PRISMATIC and joint.holder is not None:
         within = scene.body(joint.holder)
     return _is_in(within, body)
+
+
+def between(body: Body) -> tuple[float, float, float] | None:
+    """Return the extents of what fingers are put around; None if they take it by an edge, or it gives way."""
+    return None if body.wall or body.soft or body.handles or body.hands > 1 else body.size
+
+
+def outward(joint: Articulation, leaf: Body, there: Pose, handle: Pose) -> Array:
+    """Return the normal (3,) of the front of a leaf that is at a pose, at its handle."""
+    if joint.kind is JointKind.PRISMATIC and not joint.frame:
+        return np.array(joint.axis)
+    axis = there.rotation[:, int(np.argmin(leaf.size))]
+    return np.array(axis * math.copysign(1.0, float(axis @ (np.array(handle.position) - there.position))))
 
 
 def areas(scene: Scene, at: str, moved: Mapping[str, Pose]) -> Iterator[tuple[Pose, tuple[float, float], float]]:
@@ -363,12 +431,6 @@ def areas(scene: Scene, at: str, moved: Mapping[str, Pose]) -> Iterator[tuple[Po
         yield pose @ Pose((x, y, z - room.size[2] / 2)), (room.size[0], room.size[1]), room.size[2]
     if not body.cavities:
         yield pose @ Pose((0.0, 0.0, body.size[2] / 2)), (body.size[0], body.size[1]), 2.0
-
-
-def outline(body: Body, at: Pose | None = None, size: Sequence[float] | None = None) -> Rectangle:
-    """Return the rectangle over which a body stands, there or at a pose; that of a part with a ``size``."""
-    pose, (x, y, *_) = at or body.pose, size or body.size
-    return Rectangle(pose.position[0], pose.position[1], pose.yaw, (x / 2, y / 2))
 
 
 def above(body: Body, height: float) -> Array:

@@ -63,6 +63,25 @@ class Grips:
                 found.append(_lifted(arm, grip + RAISED, ahead, side))
         return np.array(found).reshape(-1, 3, 4, 4)
 
+    def ahead(self, arm: Arm) -> float:
+        """Return how far ahead of the grip point an arm's fingers end [m]."""
+        return self._ahead[arm.name]
+
+    def from_tip(self, arm: Arm, tip: Array, body: Body | None, pose: Pose) -> Hands | None:
+        """Return the hand (k, 4, 4) that takes a body from a tip's pose: before it, at it, above it if it is moved.
+
+        None if it does not fit between the fingers.
+        """
+        room = arm.gripper.max_opening if arm.gripper is not None else 0.0
+        if body is not None:
+            width = _extent(body, pose, tip[:3, :3] @ np.array(arm.closing))
+            if width + SIDE > (room if body.movable else min(room, BAR)):
+                return None
+        before, over = tip.copy(), tip.copy()
+        before[:3, 3] -= BACK * (tip[:3, :3] @ np.array(arm.approach))
+        over[2, 3] += UP
+        return np.array([before, tip, over] if body is not None and body.movable else [before, tip])
+
     def at_bar(self, arm: Arm, pose: Pose, size: Sequence[float], ways: Sequence[Array]) -> Hands:
         """Return hands (n, 2, 4, 4) that come in some directions (3,) to a bar, and close around it."""
         every = np.concatenate([around(arm, np.array(pose.position), way, ENDS[:4]) for way in ways])

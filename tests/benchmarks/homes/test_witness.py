@@ -101,12 +101,24 @@ def test_what_is_spoilt_on_purpose_is_impossible_for_that_reason(room: tuple[Bod
     assert (found.answer, found.kind, found.thing) == (Answer.IMPOSSIBLE, how, "cup1")
 
 
-def test_a_compartment_below_what_the_arm_reaches_is_too_low_to_put_something_into():
+def test_a_compartment_below_what_the_arm_reaches_is_out_of_reach_to_put_something_into():
     high = replace(CASE, cavities=(Cavity((0.0, 0.0, 0.0), (0.4, 0.56, 0.26)),))
     assert broken([TABLE, CUP, high], Need("place", "cup1", "case1")) is None
     found = broken([TABLE, CUP, CASE], Need("place", "cup1", "case1"))
     assert found is not None
-    assert (found.answer, found.kind, found.thing) == (Answer.IMPOSSIBLE, "too low", "case1")
+    assert (found.answer, found.kind, found.thing) == (Answer.IMPOSSIBLE, "out of reach", "case1")
+
+
+@pytest.mark.parametrize(("deep", "kind"), [(0.62, ""), (0.72, "out of reach")], ids=["in reach", "too deep"])
+def test_how_far_in_a_cup_may_stand_is_said_to_a_hand_s_breadth(deep: float, kind: str):
+    table = replace(TABLE, pose=Pose((1.5, 0.0, 0.37)), size=(1.7, 4.0, 0.74))
+    found = broken([table, replace(CUP, pose=Pose((0.65 + deep, 0.0, 0.792)))], GRASP)
+    assert (found.kind if found else "") == kind
+
+
+def test_a_cup_that_is_only_just_in_reach_has_a_certificate():
+    table = replace(TABLE, pose=Pose((1.5, 0.0, 0.37)), size=(1.7, 4.0, 0.74))
+    assert decided([table, replace(CUP, pose=Pose((1.25, 0.0, 0.792)))], GRASP).answer is Answer.POSSIBLE
 
 
 def test_a_doorway_that_is_narrower_than_the_base_is_impossible_to_pass():

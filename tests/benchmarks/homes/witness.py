@@ -11,52 +11,42 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from executive.maps.scene import default_starts
-from executive.robots import Arm, Robot
+from executive.robots import Robot
 from planlang.geometry import Array, Pose
 from planlang.state.matter import KG_PER_ML
 from sim import Body, Scene
 from sim.joints import Articulation, JointKind
-from tests.benchmarks.homes.certificates import Search, areas, outline
-from tests.benchmarks.homes.furnishing import Rectangle
+from tests.benchmarks.homes.approaches import NEARLY, Approaches
+from tests.benchmarks.homes.certificates import Search, areas
+from tests.benchmarks.homes.floor import Floor
 from tests.benchmarks.homes.tasks import Need, Task
 from tests.support.locations.dense_sampler import Joints
-from tests.support.locations.oracle import Oracle, walls_of
-from tests.support.locations.plates import fingers_ahead, least_width
+from tests.support.locations.oracle import Oracle
+from tests.support.locations.plates import least_width
 from tests.support.locations.rooms import Room
 
 POSTURES = 20_000
 """Random postures of an arm that say how far it reaches."""
 MARGIN = 0.05
 """Distance by which an arm may reach farther than in any of them [m]."""
-FOLDED, MARGIN_LOW = 0.3, 0.015
-"""Height over the lowest tips at which contacts matter [m]; by how much an arm may reach deeper than was found [m]."""
-WALKED = 1500
-"""Postures from which, and steps by which, the lowest one without contact is looked for."""
-FAR_AWAY = (100.0, 100.0, 0.0)
-"""Pose of the base where nothing stands."""
 LEVEL = 0.1
 """Height of the layers in which it is said how far the arm reaches [m]."""
-CELL = 0.04
-"""Resolution of the floor [m]."""
-CORE = 0.7
-"""Share of the base's radius that is free of anything in any case: of a square in its circle."""
-LOW = 0.2
-"""Bodies that begin higher than this are not in the way of the base's lowest part [m]."""
+GROUND = Body("the ground", Pose((0.0, 0.0, -0.055)), (60.0, 60.0, 0.1))
+"""What arms must not go through; wheels stand a little above it."""
 SPOTS = 0.02
 """Resolution of a support on which it is looked for room [m]."""
 TURNS = np.arange(6) * math.pi / 6
 TIGHT = 0.003
 """Extents of a thing are taken to be shorter by this when room is looked for [m]."""
-SECONDS = 4.0
+SECONDS = 6.0
 """CPU time for the certificate of one need [s]."""
 
 
@@ -79,8 +69,8 @@ RIGHT_REASONS: Mapping[str, str] = {
     "too wide": r"GraspTooWide|too wide|m wide, and|m wide, .* opens to",
     "too heavy": r"TooHeavy|weighs",
     "too high": r"too high|out of reach|reaches (only )?up to|\bup to \d",
-    "too low": r"too low|out of reach|reaches (only )?down to|\bdown to \d",
     "no hand": r"(one|1|two|2|both) hands?\b|no (other|free|second) hand",
+    "out of reach": r"out of reach|too (high|low)|reaches|closer than|no nearer than|no (path|way)|cannot (stand|get)",
     "no camera": r"without (a )?camera|no camera",
     "no floor": r"no room for the base|no path|NavigationPose|cannot (stand|get|drive)|out of reach|no nearer than",
     "too narrow": r"too narrow|m wide; |no path|no way|cannot drive|NavigationPose",
@@ -98,7 +88,7 @@ class Verdict:
     thing: str = ""
     why: str = ""
     open: tuple[str, ...] = ()
-    """Needs of which neither is shown."""
+    """The first need of which neither is shown."""
 
     def row(self) -> dict[str, object]:
         """Return what a row keeps of it."""
@@ -123,7 +113,6 @@ class _Broken(Exception):
 class Reach:
     """Points that an arm's tip gets to, over the floor: the farthest from the base's middle in layers of height."""
 
-    lowest: float
     highest: float
     radii: Array
 
@@ -138,7 +127,7 @@ class Reach:
         layers = np.clip(tips[:, 2] / LEVEL, 0, 49).astype(int)
         radii = np.zeros(50)
         np.maximum.at(radii, layers, np.hypot(tips[:, 0], tips[:, 1]))
-        return Reach(float(tips[:, 2].min()) - MARGIN, float(tips[:, 2].max()) + MARGIN, radii + MARGIN)
+        return Reach(float(tips[:, 2].max()) + MARGIN, radii + MARGIN)
 
     def radius(self, low: float, high: float) -> float:
         """Return how far the tip gets at some height between two."""
@@ -179,13 +168,16 @@ class Witness:
     def __init__(self, scene: Scene, robot: Robot) -> None:
         places = (scene.start, *default_starts(scene, robot.base.radius))
         self.scene, self.robot = scene, robot
-        self.oracle = Oracle(Room("home", 0, scene.bodies), robot)
-        self.oracle.room = Room("home", 0, scene.bodies, self._start(places))
+        bodies = (*scene.bodies, GROUND)
+        self.oracle = Oracle(Room("home", 0, bodies), robot)
+        self.oracle.room = Room("home", 0, bodies, self._start(places))
         self.chains = {
             arm.name: Joints.read(robot.urdf, robot.base_link, arm.tip, self.oracle.limits) for arm in robot.arms
         }
         self.joints = {joint.leaf: joint for joint in scene.joints}
+        self.floor = Floor(self.oracle, scene)
         self.search = Search(self.oracle, self.chains, self.floor, SECONDS)
+        self.approaches = Approaches(self.oracle, self.chains, scene, self.floor, self.search.grips)
 
     def _start(self, places: Sequence[tuple[float, float, float]]) -> tuple[float, float, float]:
         for place in places:
@@ -203,10 +195,10 @@ class Witness:
         if broken := self.broken(needs):
             return broken
         leaves = tuple(dict.fromkeys(need.thing for need in needs if need.kind == "open"))
-        unproved = tuple(
-            f"{need.kind} {need.thing}" for need in needs if not self.search.certified(need, self.scene, leaves)
-        )
-        return Verdict(Answer.OPEN if unproved else Answer.POSSIBLE, open=unproved)
+        unproved = next((one for one in needs if not self.search.certified(one, self.scene, leaves)), None)
+        if unproved is None:
+            return Verdict(Answer.POSSIBLE)
+        return Verdict(Answer.OPEN, open=(f"{unproved.kind} {unproved.thing}",))
 
     # Necessary conditions
 
@@ -215,6 +207,8 @@ class Witness:
         try:
             for need in needs:
                 self._necessary(need)
+            for need in needs:
+                self._check_hands_get_near(need)
         except _Broken as problem:
             return Verdict(Answer.IMPOSSIBLE, problem.kind, problem.thing, str(problem))
         return None
@@ -296,71 +290,19 @@ class Witness:
         reaches = self.reaches.values()
         if low > (top := max(one.highest for one in reaches)):
             raise _Broken("too high", name, f"{what} is at {low:.2f} m, the arms reach up to {top:.2f} m")
-        crown = places[:, 2].max() + self._upwards(body)
-        if crown < min(one.lowest for one in reaches) + FOLDED and crown < (bottom := min(self.lowest)):
-            raise _Broken("too low", name, f"{what} is at {crown:.2f} m, the fingers reach down to {bottom:.2f} m")
         radius = max(one.radius(low, high) for one in reaches) + half
-        away = np.linalg.norm(self.floor[:, None] - places[None, :, :2], axis=2)
-        if not len(self.floor) or away.min() > radius:
+        cells = self.floor.cells
+        away = np.linalg.norm(cells[:, None] - places[None, :, :2], axis=2)
+        if not len(cells) or away.min() > radius:
             raise _Broken("no floor", name, f"no free floor within {radius:.2f} m of {what}")
 
-    def _upwards(self, body: Body) -> float:
-        """Return how far a body extends over its middle [m]."""
-        return float(np.abs(body.pose.rotation[2]) @ np.array(body.size)) / 2
-
-    @cached_property
-    def lowest(self) -> list[float]:
-        """Height of the lowest end of each arm's fingers without contact, by descent from random postures."""
-        return [self._lowest(arm, self.chains[arm.name]) - MARGIN_LOW for arm in self.robot.arms]
-
-    def _lowest(self, arm: Arm, chain: Joints) -> float:
-        rng, ahead = np.random.default_rng(0), max(fingers_ahead(self.oracle, arm.name), 0.0)
-
-        def ends(q: Array) -> Array:
-            frames = chain.forward(q)[0]
-            downwards = np.minimum(frames[:, 2, :3] @ np.array(arm.approach), 0.0)
-            return frames[:, 2, 3] + ahead * downwards
-
-        def is_free(q: Array) -> bool:
-            joints = dict(zip(chain.names, q.tolist(), strict=True))
-            self.oracle.place(FAR_AWAY, {**self.oracle.posture, **joints})
-            return self.oracle.touched(depth=0.005) is None
-
-        drawn = rng.uniform(chain.lower, chain.upper, (POSTURES, len(chain.names)))
-        order = drawn[np.argsort(ends(drawn))[:WALKED]]
-        best = next(((float(ends(q[None])[0]), q) for q in order if is_free(q)), None)
-        if best is None:
-            return -math.inf
-        for wide in np.geomspace(0.3, 0.01, WALKED).tolist():
-            q = np.clip(best[1] + rng.normal(0.0, wide, len(chain.names)), chain.lower, chain.upper)
-            if (low := float(ends(q[None])[0])) < best[0] and is_free(q):
-                best = low, q
-        return best[0]
-
-    @cached_property
-    def floor(self) -> Array:
-        """Middles (n, 2) of the cells that the core of the base gets to from the start."""
-        start = np.array(self.oracle.room.start[:2])
-        if self.robot.base.fixed:
-            return start[None]
-        rooms = [body for body in self.scene.bodies if body.shape == "room"]
-        corners = np.concatenate([outline(room).corners() for room in rooms])
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        steps = [np.arange(one, other, CELL) + CELL / 2 for one, other in zip(low, high, strict=True)]
-        grid = np.stack(np.meshgrid(*steps, indexing="ij"), -1)
-        points, keep = grid.reshape(-1, 2), CORE * self.robot.base.radius
-        free = np.any([area.distances(points) == 0 for room in rooms for area in (outline(room), *_openings(room))], 0)
-        walls = ((room, at, size) for room in rooms for at, size in walls_of(room))
-        hung = {name for joint in self.scene.joints if joint.frame for name in joint.bodies}  # they may be opened
-        solid = (
-            (body, body.pose, body.size)
-            for body in self.scene.bodies
-            if body.shape not in ("room", "marker") and body.name not in hung
-        )
-        low_ones = (one for one in (*walls, *solid) if one[1].position[2] - one[2][2] / 2 < LOW)
-        for area in itertools.starmap(outline, low_ones):
-            free &= area.distances(points) > keep
-        return grid[_joined(free.reshape(grid.shape[:2]), np.linalg.norm(grid - start, axis=2))]
+    def _check_hands_get_near(self, need: Need) -> None:
+        """Raise _Broken if no hand gets near to what it takes, however base and arm are moved."""
+        known = self.approaches.aims(need)
+        if known is None or (left := self.approaches.remains(*known)) < NEARLY:
+            return
+        name = need.at if need.kind == "place" else need.thing
+        raise _Broken("out of reach", name, f"no hand gets nearer than {left:.3f} m to {need.kind} {need.thing}")
 
     def _check_doorway(self, name: str) -> None:
         """Raise _Broken if the base is wider than a doorway."""
@@ -372,25 +314,3 @@ class Witness:
         """Raise _Broken if there is nowhere on or in a support that a thing would fit."""
         if not any(True for _ in self.search.spots(self.scene, thing, at, SPOTS, TURNS, TIGHT)):
             raise _Broken("no room", at, f"no room on {at} for {thing.name}")
-
-
-def _openings(room: Body) -> Iterator[Rectangle]:
-    """Yield the floor in the openings of a room's walls."""
-    return (outline(room, room.pose @ Pose(cut.centre), cut.size) for cut in room.cavities)
-
-
-def _joined(free: NDArray[np.bool_], away: Array) -> NDArray[np.bool_]:
-    """Return the cells that are joined to the free one that is nearest to the start."""
-    seen = np.zeros_like(free)
-    if not free.any():
-        return seen
-    first = tuple(int(k) for k in np.unravel_index(int(np.where(free, away, np.inf).argmin()), free.shape))
-    front = [first]
-    seen[first] = True
-    while front:
-        i, j = front.pop()
-        for there in ((i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
-            if 0 <= there[0] < free.shape[0] and 0 <= there[1] < free.shape[1] and free[there] and not seen[there]:
-                seen[there] = True
-                front.append(there)
-    return seen

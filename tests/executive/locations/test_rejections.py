@@ -96,7 +96,7 @@ def test_of_two_walls_that_both_have_to_go_none_is_said_to_be_the_only_one(refus
 def test_before_a_thing_that_is_too_wide_for_hands_the_width_is_the_reason(refused: Refused) -> None:
     tray = replace(BOTTLE, name="tray", size=(0.4, 0.3, 0.05), shape="box", type="Tray")
     before = a_location(in_reach_of=a_location(in_front_of=an_object("Tray", PLACE + "tray")))
-    assert "is 0.3 m wide, and things up to 0.12 m can be taken" in str(refused(before, CABINET, tray))
+    assert "is 0.3 m wide, and nothing wider than 0.12 m is taken" in str(refused(before, CABINET, tray))
     before = a_location(in_reach_of=a_location(in_front_of=an_object("Cabinet-PieceOfFurniture", PLACE + "cabinet")))
     assert "cabinet, which is a Cabinet-PieceOfFurniture: things of this class are not taken" in str(
         refused(before, CABINET, tray)

@@ -12,11 +12,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from executive.maps import SemanticMap, read_map, scene_of
-from executive.maps.measures import EXTENTS, read_transform, stated_size
+from executive.maps.measures import stated_size
 from executive.maps.semantic_map import PosesOfThings
 from planlang.diagnostics import Diagnostic, Severity
 from planlang.files import bundled
 from planlang.knowledge.places import holders, levels_of, places
+from planlang.measures import EXTENTS, read_transform
 from planlang.ontology import Ontology, load
 from tests.support.examples import examples
 

@@ -7,9 +7,9 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from executive.maps import read_map, scene_of
-from executive.maps.measures import EXTENTS
 from planlang.diagnostics import BadInput, Severity
 from planlang.files import bundled
+from planlang.measures import EXTENTS
 from planlang.ontology import load
 from planlang.ontology.convert import Target, convert
 from sim import Body, Scene

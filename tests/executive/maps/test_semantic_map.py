@@ -13,9 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from executive.maps import SemanticMap, default_starts, read_map, scene_of
-from executive.maps.measures import EXTENTS, rigid, stated_size
+from executive.maps.measures import stated_size
 from planlang.diagnostics import BadInput, Diagnostic, Severity
 from planlang.geometry import Pose
+from planlang.measures import EXTENTS, rigid
 from planlang.ontology import expand, load
 from sim import PlanningWorld
 from tests.support.examples import examples, some

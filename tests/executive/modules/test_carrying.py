@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from executive.locations.reachability import GraspClass
-from executive.modules.platform import SHARE
+from executive.modules.arm_paths import SHARE
 from executive.motion import MotionError
 from executive.motion.kinematics import Chain
 from executive.robots import CARRYING

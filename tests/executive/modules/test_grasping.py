@@ -12,7 +12,7 @@ import pytest
 
 from executive.belief.scene_collisions import BasePose
 from executive.modules.arm.reaching import FEW, FREER
-from executive.modules.platform import ITERATIONS
+from executive.modules.arm_paths import ITERATIONS
 from executive.motion import NoPath
 from executive.robots.arms import ArmModel
 from planlang import Recovery, look_and_repeat, par, perform, pursue, sleep, timeout, with_failure_handling

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import planlang
 from executive.modules.bundled import bundled_registry
 from executive.runs.assembly import RobotExecutive
 from planlang import (
@@ -135,6 +136,43 @@ def test_a_handle_behind_a_closed_door_is_reached_once_that_is_open(stack: ExitS
     stage = flat(stack, RoomDoor(more=RoomDoor().next_room()), tmp_path)
     with pytest.raises(BehindClosedDoor, match="door_2 is behind door, which is closed"):
         stage.do(OPEN, "door_2")
+
+
+LAMP = """
+Individual: lamp
+    Types: knowrob:ElectricalLightingDevice
+    Facts: knowrob:translation "2.6 0 0.9", knowrob:boundingBoxSize "0.2 0.2 0.32",
+        knowrob:properPhysicalParts button_of_lamp, knowrob:stateOfObject knowrob:DeviceStateOn
+
+Individual: button_of_lamp
+    Types: knowrob:PushButton
+    Facts: knowrob:relativeTo lamp, knowrob:translation "-0.105 0 0", knowrob:boundingBoxSize "0.01 0.03 0.03"
+"""
+
+
+OFF = """
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Prefix: : <http://example.org/off.owl#>
+Prefix: m: <http://example.org/flat.owl#>
+Ontology: <http://example.org/off.owl>
+    Import: <http://knowrob.org/kb/knowrob.owl>
+
+Individual: m:lamp
+    Types: knowrob:ElectricalLightingDevice
+
+Class: LampOff
+    SubClassOf: knowrob:TurningOffPoweredDevice, knowrob:objectActedOn value m:lamp
+
+Class: LightsOut
+    SubClassOf: knowrob:PurposefulAction, knowrob:subAction some LampOff
+"""
+
+
+def test_a_door_is_opened_to_switch_a_device_behind_it(tmp_path: Path) -> None:
+    (tmp_path / "flat.omn").write_text(RoomDoor(more=table(2.8) + LAMP).text(), encoding="utf-8")
+    ended = planlang.simulate(OFF, robot="amigo", environment=tmp_path / "flat.omn", start=HERE)
+    assert ended.outcome.value == "done"
+    assert "lamp: off" in ended.final_state
 
 
 def test_a_door_that_stands_half_open_is_opened_further(stack: ExitStack, tmp_path: Path) -> None:

@@ -178,7 +178,7 @@ def test_a_straight_line_whose_curve_swings_over_a_limit_is_followed_with_stops(
         curves.append(curve.positions)
         return curve
 
-    monkeypatch.setattr("executive.modules.platform.time_curve", watched)
+    monkeypatch.setattr("executive.modules.arm_paths.time_curve", watched)
     rng = np.random.default_rng(0)
     for start in chain.sample(rng, 60):
         start[3] = chain.upper[3] - 0.001  # the shoulder's roll, at its limit

@@ -94,11 +94,12 @@ class Joints:
             else:
                 move[:, :3, :3] = _turns(axis, q[:, column])
             pose = pose @ move
-        slid = [bool(slides) for slides, column in zip(self.slides, self.columns, strict=True) if column >= 0]
+        along = np.array(axes).transpose(1, 2, 0)
+        arms = pose[:, :3, 3, None] - np.array(places).transpose(1, 2, 0)
+        slid = np.array([slides for slides, column in zip(self.slides, self.columns, strict=True) if column >= 0])
         jacobian = np.zeros((len(q), 6, len(self.names)))
-        for k, (place, axis, slides) in enumerate(zip(places, axes, slid, strict=True)):
-            jacobian[:, :3, k] = axis if slides else np.cross(axis, pose[:, :3, 3] - place)
-            jacobian[:, 3:, k] = 0.0 if slides else axis
+        jacobian[:, :3] = np.where(slid, along, crossed(along, arms))
+        jacobian[:, 3:] = np.where(slid, 0.0, along)
         return pose, jacobian
 
     def solve(self, targets: Array, q: Array) -> tuple[Array, NDArray[np.bool_]]:
@@ -116,6 +117,12 @@ class Joints:
             step = (jacobian.transpose(0, 2, 1) @ np.linalg.solve(square, error[:, :, None]))[:, :, 0]
             q[left] = np.clip(q[left] + np.clip(step, -LARGEST, LARGEST), self.lower, self.upper)
         return q, reached
+
+
+def crossed(one: Array, other: Array) -> Array:
+    """Return the cross products of vectors (n, 3, d)."""
+    (a, b, c), (x, y, z) = one.transpose(1, 0, 2), other.transpose(1, 0, 2)
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=1)
 
 
 def refutation(oracle: Oracle, target: str, *, side: bool, drawn: int = DRAWN, seed: int = 0) -> Claim | None:

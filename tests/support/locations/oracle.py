@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -95,6 +96,8 @@ class Oracle:
         self.posture |= {n: v for n, v in robot.postures.get("carrying", {}).items() if n in self.joints}
         self.pieces: dict[int, str] = {}
         self._offsets: dict[int, Pose] = {}
+        self._near: dict[tuple[int, int], bool] = {}
+        """Whether two links are neighbours."""
         for body in room.bodies:
             self._build(body)
         self._allowed = self._modelled_so()
@@ -158,11 +161,24 @@ class Oracle:
         return allowed | {pair for pair, count in counts.items() if count > 0.9 * SAMPLES}
 
     def _self_contacts(self, allowed: set[frozenset[int]], depth: float = TOUCHING) -> set[frozenset[int]]:
+        return {pair for pair, point in self._pressed().items() if point[8] < -depth} - allowed
+
+    def _pressed(self) -> dict[frozenset[int], tuple[Any, ...]]:
+        """Pairs of links that are pressed into each other, where the robot is, and PyBullet's deepest point of each."""
         points = pybullet.getClosestPoints(self.uid, self.uid, WITHIN, physicsClientId=self.client)
-        deep = {frozenset((p[3], p[4])) for p in points if p[8] < -depth and not self._neighbours(p[3], p[4])}
-        return deep - allowed
+        deep = [point for point in points if point[8] < 0.0 and not self._neighbours(point[3], point[4])]
+        return {frozenset((p[3], p[4])): p for p in sorted(deep, key=lambda point: -float(point[8]))}
+
+    def pressed_into_itself(self) -> list[tuple[Any, ...]]:
+        """PyBullet's deepest point of each pair of links that are pressed into each other and should not be."""
+        return [point for pair, point in self._pressed().items() if pair not in self._allowed]
 
     def _neighbours(self, one: int, other: int) -> bool:
+        if (one, other) not in self._near:
+            self._near[one, other] = self._are_neighbours(one, other)
+        return self._near[one, other]
+
+    def _are_neighbours(self, one: int, other: int) -> bool:
         up, down = self.upwards(one), self.upwards(other)
         shared = next(link for link in up if link in down)
         between = (*up[: up.index(shared)], *down[: down.index(shared)])
