@@ -204,7 +204,7 @@ class _Reader:
         return self._joint(leaf, JointKind.HINGED, (x, y, z), np.cross(leaf.outwards, to_hinge), 0.0, OPENED)
 
     def _back_of_lid(self, leaf: _Leaf, to_handle: Array | None) -> Array:
-        """Direction of a lid's hinge: opposite its handle, or towards the back of its furniture (-x) if that is midway."""
+        """Direction of a lid's hinge: opposite its handle, or the back of its furniture (-x) if that is midway."""
         aside = np.zeros(3) if to_handle is None else to_handle - float(to_handle @ leaf.outwards) * leaf.outwards
         backwards = -aside if float(np.linalg.norm(aside)) > MIDWAY else -leaf.holder.pose.rotation[:, 0]
         edges = [sign * edge for edge in (leaf.up, leaf.across) for sign in (1.0, -1.0)]
