@@ -111,6 +111,7 @@ from planlang.recoveries import look_and_repeat as look_and_repeat
 from planlang.recoveries import look_from_another_place as look_from_another_place
 from planlang.recoveries import open_what_is_in_the_way as open_what_is_in_the_way
 from planlang.recoveries import put_down_and_regrasp as put_down_and_regrasp
+from planlang.recoveries import put_down_first as put_down_first
 from planlang.recoveries import recovery_strategy as recovery_strategy
 from planlang.recoveries import step_back_and_repeat as step_back_and_repeat
 from planlang.runs import Trace as Trace

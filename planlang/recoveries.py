@@ -15,7 +15,7 @@ from functools import cache, partial, wraps
 from importlib.metadata import entry_points
 from typing import Any, TypeVar, cast
 
-from planlang.designators import Condition, Object, a_location, action
+from planlang.designators import Action, Condition, Object, a_location, action
 from planlang.failures import (
     BehindClosedDoor,
     ContainerStuck,
@@ -36,14 +36,17 @@ from planlang.kernel.primitives import called
 from planlang.language.branches import Branch
 from planlang.language.executive import executive_for
 from planlang.language.location import AGAIN, at_location, make_room
-from planlang.language.performing import perform
+from planlang.language.performing import actions_around, perform
 from planlang.language.recovery import PROPAGATE, RETRY, Do, Recovery, RecoveryResult, Return, retry
+from planlang.language.remaining import remaining_actions
 from planlang.language.resources import goes_first, hand_freed, lacks_hands
 from planlang.misuse import Usage, written
 from planlang.records import dataclass
 
 GROUP = "planlang.recoveries"
 """Entry-point group of installed strategies."""
+ASIDE = "SettingAsideAnObject"
+"""Class of actions that put a held object down on whatever is near."""
 
 F = TypeVar("F", bound=Callable[..., Any])
 _STRATEGY = Usage(
@@ -218,9 +221,9 @@ def open_what_is_in_the_way(what: Object) -> Do:
     """Open the closed door or drawer that hides the object, or the doors on the way to it, then run the body again.
 
     If the search for places has found that there is one once something else was done, such as closing a drawer that is
-    open before it, or opening a door further, that is done first. If no hand is free to open it, what a concurrent step
-    waits with in its hand is put down; that step takes it again. What was opened stays open: the plan may want the
-    robot where it is at its end, and to close a door it would have to leave. A failure with another reason propagates.
+    open before it, or opening a door further, that is done first. If no hand is free to open it, one puts down what it
+    holds, as :func:`put_down_first` does. What was opened stays open: the plan may want the robot where it is at its
+    end, and to close a door it would have to leave. A failure with another reason propagates.
     """
 
     Usage("open_what_is_in_the_way", {"what": "bottle"}).instance("what", what, Object, "an object")
@@ -230,24 +233,50 @@ def open_what_is_in_the_way(what: Object) -> Do:
         if closed is None or closed.door is None:
             return await _made_way(failure)
         for door in (closed.door, *closed.further):
-            step_back = step_back_and_repeat(door)
-            strategy = partial(_put_down_or, step_back) if goes_first() else step_back
-            again = Recovery((ContainerStuck, HandleNotReachable), strategy, retries=AGAIN)
+            freed = Recovery(HandsFull, put_down_first(door), retries=AGAIN)
+            again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(door), retries=AGAIN)
             # furniture may stand behind doors between rooms, which the search for its handle names
             before = Recovery(BehindClosedDoor, open_what_is_in_the_way(door))
-            await perform(action("OpeningAContainerArtifact", object_acted_on=door), recoveries=[again, before])
+            opening = action("OpeningAContainerArtifact", object_acted_on=door)
+            await perform(opening, recoveries=[freed, again, before])
         return RETRY
 
     return open_it
 
 
-async def _put_down_or(otherwise: Do, failure: PlanFailure) -> RecoveryResult:
-    """Put down what has been held for longest if no hand is free; recover ``otherwise`` from other failures."""
-    full = next((link for link in failure.chain() if isinstance(link, HandsFull)), None)
-    if full is None:
-        return await otherwise(failure)
-    order = tuple(executive_for("open_what_is_in_the_way").held())
-    return await _one_put_down(sorted(full.held.values(), key=lambda one: order.index(one.name))[:1])
+@recovery_strategy("PutDownFirst", about_object=True, moves_base=True)
+def put_down_first(what: Object) -> Do:
+    """Put down what a hand holds where no hand is free to work on the object, then run the body again.
+
+    Of several things it is the one that this step and the remaining ones need last, or else the one that has been held
+    for longest. It is put where it is in no way of the object, and of the doors and drawers that later steps move; the
+    step that needs it next takes it up again. Another failure propagates.
+    """
+
+    Usage("put_down_first", {"what": "door"}).instance("what", what, Object, "an object")
+
+    async def put_down(failure: PlanFailure) -> RecoveryResult:
+        full = next((link for link in failure.chain() if isinstance(link, HandsFull)), None)
+        if full is None:
+            return PROPAGATE
+        order, needed = tuple(executive_for("put_down_first").held()), _need()
+        never = len(needed)
+
+        def rank(one: Object) -> tuple[int, int]:
+            held = order.index(one.name) if one.name in order else len(order)
+            return -needed.get(one.name, never), held
+
+        first = sorted(dict.fromkeys(full.held.values()), key=rank)
+        return await _one_done(action(ASIDE, object_acted_on=one, out_of_the_way_of=what) for one in first)
+
+    return put_down
+
+
+def _need() -> dict[str, int]:
+    """Number the things that the steps in progress and the remaining ones handle by when they do so first."""
+    handled = (one.get("object_acted_on") for one in (*actions_around(), *remaining_actions()))
+    names = dict.fromkeys(one.name for one in handled if isinstance(one, Object))
+    return {name: number for number, name in enumerate(names)}
 
 
 async def _made_way(failure: PlanFailure) -> RecoveryResult:
@@ -267,7 +296,6 @@ def step_back_and_repeat(what: Object) -> Do:
     """Drive one step back with the arms in their driving posture, look at the object, then run the body again.
 
     Where the search has found that something else makes a way, such as closing a drawer beside, that is done instead.
-    That no hand is free propagates at once: a step back frees none, and what is put down may be what the plan is for.
     Touches and sightings on the way change the next plan: how far a door has opened, what blocks it. If a search fails
     twice with the same result, nothing has changed, and the failure propagates.
     """
@@ -277,8 +305,6 @@ def step_back_and_repeat(what: Object) -> Do:
 
     async def step_back(failure: PlanFailure) -> RecoveryResult:
         for link in failure.chain():
-            if isinstance(link, HandsFull):
-                return PROPAGATE
             if isinstance(link, LocationUnresolvable):
                 found = f"{link.designator}: {link.figures or link.describe()}"
                 if found in searched:
@@ -349,11 +375,10 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
         if is_held == (full is not None):  # the failure is about something else
             return PROPAGATE
         if full is not None:
-            return await _one_put_down(dict.fromkeys(full.held.values()))
-        aside = "SettingAsideAnObject"
-        putting = action(aside, object_acted_on=what)
+            return await _one_done(action(ASIDE, object_acted_on=one) for one in dict.fromkeys(full.held.values()))
+        putting = action(ASIDE, object_acted_on=what)
         try:
-            await perform(putting if other_waits else action(aside, object_acted_on=what, by_another_grip=True))
+            await perform(putting if other_waits else action(ASIDE, object_acted_on=what, by_another_grip=True))
             if other_waits:
                 await hand_freed(failure, anyway=True)
             if again is not None:
@@ -365,11 +390,11 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
     return regrasp
 
 
-async def _one_put_down(held: Iterable[Object]) -> RecoveryResult:
-    """Put down the first of the held objects for which that succeeds, to free a hand."""
-    for one in held:
+async def _one_done(actions: Iterable[Action]) -> RecoveryResult:
+    """Perform the first of some actions that succeeds."""
+    for one in actions:
         with suppress(PlanFailure):
-            await perform(action("SettingAsideAnObject", object_acted_on=one))
+            await perform(one)
             return RETRY
     return PROPAGATE
 

@@ -64,19 +64,18 @@ class HandWork(PlatformModule):
         what: str,
         failure: type[HandleNotReachable | ManipulationGoalNotReached] = HandleNotReachable,
     ) -> list[ArmModel]:
-        """List the empty hands, one of which is to work on a ``part`` of ``what``. Raises ``failure`` without any."""
+        """List the empty hands, one of which is to work on a ``part`` of ``what``.
+
+        Raises HandsFull if all hold something, and ``failure`` if there is no hand.
+        """
         free, scene = self.free_hands(), self.platform.scene
         if free:
             return free
         holding = {arm.name: held.name for arm in scene.arms.all if (held := scene.arms.held(arm.name)) is not None}
         if not holding:
             raise failure(f"no arm of the robot has a hand for {part}", what=what)
-        full = HandsFull(
-            designator=f"a hand at {part}",
-            what=part,
-            held={arm: scene.bodies.designator(name) for arm, name in holding.items()},
-        )
-        raise failure(full.because(), what=what) from full
+        full = {arm: scene.bodies.designator(name) for arm, name in holding.items()}
+        raise HandsFull(designator=f"a hand at {part}", what=part, held=full)
 
     async def look(self, what: str) -> None:
         """Look at a body, if the neck can, and update the belief."""

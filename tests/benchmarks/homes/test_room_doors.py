@@ -81,6 +81,6 @@ def test_the_witness_takes_floor_behind_a_door_that_may_be_opened_as_within_reac
     witness = Witness(built, robot_of("amigo"))
     try:
         for area in task.home.rooms.values():
-            assert (area.distances(witness.floor) == 0).any()
+            assert (area.distances(witness.floor.cells) == 0).any()
     finally:
         witness.close()

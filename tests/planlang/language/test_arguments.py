@@ -209,6 +209,7 @@ OUTSIDE: list[Case] = [
     ("fetch_again", fetch_again, set()),
     ("step_back_and_repeat", step_back_and_repeat, set()),
     ("put_down_and_regrasp", put_down_and_regrasp, set()),
+    ("put_down_first", put_down_first, set()),
     ("put_down_and_regrasp again", lambda x: put_down_and_regrasp(CUP, x), BRANCH | OPTIONAL | {"lambda"}),
     ("fetch_again again", lambda x: fetch_again(CUP, x), BRANCH | OPTIONAL | {"lambda"}),
     *((f"{f.__name__}", f, TEXT) for f in (an_object, a_person, a_device, Object, Person, Device)),
