@@ -55,8 +55,10 @@ DIGITS = 6
 """Decimal places of what a change states [m, rad]."""
 OPEN, CLOSE = "OpeningAContainerArtifact", "ClosingAContainerArtifact"
 
-IsFeasible = Callable[[PlanningScene], bool]
-"""Check whether a scene, which is supposed, has a base pose."""
+IsFeasible = Callable[[PlanningScene], bool | None]
+"""Check whether a scene, which is supposed, has a base pose; None if the search was cut off before it knew."""
+WhatLacks = Callable[[PlanningScene], str]
+"""Say what of the remaining task has no way in a scene that is supposed, as a part of a sentence; "" if all has."""
 
 
 def with_supports(names: Iterable[str], bodies: BelievedBodies) -> set[str]:
@@ -121,18 +123,31 @@ class Changes:
         *,
         parts: Collection[str] = (),
         needed: Collection[str] = (),
+        what_lacks: WhatLacks | None = None,
     ) -> None:
-        """Prepare; ``parts`` move with ``body``, as the button of a device; ``needed`` bodies are not removed."""
+        """Prepare; ``parts`` move with ``body``, as the button of a device; ``needed`` bodies are not removed.
+
+        Of changes that help, one comes first after which nothing of the remaining task lacks a way.
+        """
         self.body, self.scene, self.log, self._is_feasible, self._needed = body, scene, log, is_feasible, needed
+        self._what_lacks = what_lacks
         self._is_movable = scene.bodies.is_movable(body) or not {*parts} <= {body}
         self._along = {*parts, *(scene.world.standing_on(body) if self._is_movable else ())} - {body}
-        self._left, self._in_vain = MOST_SEARCHES, list[str]()
+        self._left, self._in_vain, self._was_cut_off = MOST_SEARCHES, list[str](), False
 
     def helping(self) -> Advice | None:
         """Find a change that helps: another start of what does not drive, another robot away, the thing at an edge,
         without a body, or let down.
         """
-        return self._started() or self._once_left() or self.nearer() or self._without() or self._let_down()
+        helpful: Advice | None = None
+        for find in (self._started, self._once_left, self.nearer, self._without, self._let_down):
+            if (advice := find()) is not None:
+                then = self.scene.supposing(with_changes(self.scene.belief, advice.changes))
+                lacks = self._what_lacks(then) if self._what_lacks is not None else ""
+                if not lacks:
+                    return advice
+                helpful = helpful or Advice(f"{advice.sentence}, but {lacks}", advice.changes)
+        return helpful
 
     def by_the_robot(self, once_moved: IsFeasible) -> tuple[Action | None, Advice | None]:
         """Find an action of the robot that helps, and its advice: to close what is open near the thing, or to open it
@@ -204,9 +219,8 @@ class Changes:
         for base in islice((base for base, fits in zip(bases, holds, strict=True) if fits), MOST_STARTS):
             change = (Change(START, base),)
             at = f"started at x = {base[0]:.2f}, y = {base[1]:.2f}"
-            if self._helps(change):
+            if self._helps(change, f"{at}, yaw = {base[2]:.2f}"):
                 return Advice(f"{at}, yaw = {base[2]:.2f}, the robot could reach {self.body}", change)
-            self._in_vain.append(at)
         return None
 
     def _once_left(self) -> Advice | None:
@@ -229,12 +243,10 @@ class Changes:
         ways = (way for way in self._ways_to_edges(support) if towards is None or float(towards @ way[0]) >= TOWARDS)
         each = ((side, self._free_of(side, steps), self._before(side, steps)) for side, steps in ways if steps)
         for side, steps, others in islice((way for way in each if way[1] or way[2]), MOST_EDGES):
-            if steps and self._helps(self._at(self._moved(side, steps[-1]))):
+            if steps and self._helps(self._at(self._moved(side, steps[-1])), self._stands(side, steps[-1])):
                 # the last step helps: bisect for the first that does
                 first = bisect_left(steps, True, key=lambda step: self._helps(self._at(self._moved(side, step))))
                 return self._advised(side, steps[min(first, len(steps) - 1)])
-            if steps:
-                self._in_vain.append(self._stands(side, steps[-1]))
             if others and (advice := self._past(side, *others)) is not None:
                 return advice
         return None
@@ -243,27 +255,30 @@ class Changes:
         """Find out whether the thing is reached without what stands between it and an edge, where it is or there."""
         gone = tuple(Change(ABSENT, True, name) for name in others)
         named = f"without {' and '.join(others)}"
-        if self._helps(gone):
+        if self._helps(gone, named):
             return Advice(f"{named} this would work", gone)
-        if self._helps((*gone, *self._at(self._moved(side, farthest)))):
+        both = (*gone, *self._at(self._moved(side, farthest)))
+        if self._helps(both, f"{named} {self._stands(side, farthest)}"):
             return self._advised(side, farthest, f"{named}, and ", gone)
-        self._in_vain.append(f"{named} {self._stands(side, farthest)}")
         return None
 
     def _advised(self, side: Array, step: float, also: str = "", gone: tuple[Change, ...] = ()) -> Advice:
-        pose = self._moved(side, step)
-        x, y, _ = pose.position
-        said = f"{also}moved {step:.2f} m, to x = {x:.2f}, y = {y:.2f}, {self.body} could be reached"
-        return Advice(said, (*gone, *self._at(pose)))
+        changes = self._at(self._moved(side, step))
+        said = f"{also}moved {step:.2f} m, to {_place(changes)}, {self.body} could be reached"
+        return Advice(said, (*gone, *changes))
 
     def _stands(self, side: Array, step: float) -> str:
-        return "{} at x = {:.2f}, y = {:.2f}".format(self.body, *self._moved(side, step).position)
+        return f"{self.body} at {_place(self._at(self._moved(side, step)))}"
 
     def none_found(self) -> str:
-        """Say that no change was found that helps, and what was tried; "" if nothing was."""
-        return (
-            f"no simple change was found that would help (tried: {', '.join(self._in_vain)})" if self._in_vain else ""
-        )
+        """Say that no change was found that helps, what was tried, and whether the search ended before it knew.
+
+        "" if nothing was tried.
+        """
+        tried = f" (tried: {', '.join(self._in_vain)})" if self._in_vain else ""
+        if self._was_cut_off:
+            return f"no simple change that would help was found before the search reached its limit{tried}"
+        return f"no simple change was found that would help{tried}" if tried else ""
 
     def _ways_to_edges(self, support: str) -> Iterator[tuple[Array, list[float]]]:
         """Yield directions (2,) to edges at which the base can stand, the nearest first, with steps up to there [m]."""
@@ -324,11 +339,10 @@ class Changes:
             leaf, riders = self.scene.belief.joints.get(name), self.scene.world.standing_on(name)
             gone = {name, *riders, *(leaf.bodies if leaf is not None else ())}.difference(fixed)
             changes = tuple(Change(ABSENT, True, one) for one in sorted(gone))
-            if self._helps(changes):
+            if self._helps(changes, f"without {name}"):
                 open_leaf = f"{name} is in the way as it is open: " if leaf is not None else ""
                 and_riders = " and what stands on it" if riders else ""
                 return Advice(f"{open_leaf}without {name}{and_riders} this would work", changes)
-            self._in_vain.append(f"without {name}")
         return None
 
     def _let_down(self) -> Advice | None:
@@ -358,9 +372,23 @@ class Changes:
         places = {name: tuple(round(value, DIGITS) for value in one.position) for name, one in poses.items()}
         return tuple(Change(TRANSLATION, place, name) for name, place in places.items())
 
-    def _helps(self, changes: Iterable[Change]) -> bool:
-        """Check whether changes help; without searches left they count as no help."""
-        if not self._left:
-            return False
-        self._left -= 1
-        return self._is_feasible(self.scene.supposing(with_changes(self.scene.belief, changes)))
+    def _helps(self, changes: Iterable[Change], said: str = "") -> bool:
+        """Check whether changes help; what is ``said`` of them is listed as tried if they do not.
+
+        Where the search was cut off, or none is left, they count as no help, but were not tried.
+        """
+        answer = None
+        if self._left:
+            self._left -= 1
+            answer = self._is_feasible(self.scene.supposing(with_changes(self.scene.belief, changes)))
+        if answer is None:
+            self._was_cut_off = True
+        elif not answer and said:
+            self._in_vain.append(said)
+        return answer is True
+
+
+def _place(changes: Sequence[Change]) -> str:
+    """State where the first of the changes puts its thing, as the map has to state it."""
+    assert isinstance(changes[0].value, tuple)
+    return "x = {:.2f}, y = {:.2f}".format(*changes[0].value)

@@ -12,7 +12,7 @@ from executive.belief.doorways import NarrowDoorway, narrow_doorway
 from executive.belief.floor import CELL as FLOOR_CELL
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.changes import Changes, IsFeasible, with_supports
+from executive.locations.changes import Changes, IsFeasible, WhatLacks, with_supports
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Stage, candidates_of, narrowest, narrowest_grip, unknown_fit
 from executive.locations.inverse_maps import InverseMaps
@@ -59,11 +59,12 @@ def explain_bases(
     once_moved: IsFeasible | None = None,
     once_emptied: IsFeasible | None = None,
     needed: Collection[str] = (),
+    what_lacks: WhatLacks | None = None,
 ) -> None:
     """Add to the log's figures what was measured about the decisive reason, and what would help.
 
     ``is_feasible`` and ``once_moved`` are asked about changes of the map, and about doors that the robot moves itself,
-    ``once_emptied`` about hands that are full.
+    ``once_emptied`` about hands that are full; ``what_lacks`` about the remaining task after a change.
     The ``needed`` bodies are part of the location or the plan: leaving them out helps nobody.
     """
     log = question.log
@@ -84,7 +85,7 @@ def explain_bases(
     measured = makers[reason]() if reason in makers else ""
     helping, advice = "", None
     if is_feasible is not None and not (reason == NO_WAY and explanation.narrow is not None):
-        changes = Changes(wanted[0].body, scene, log, is_feasible, needed=needed)
+        changes = Changes(wanted[0].body, scene, log, is_feasible, needed=needed, what_lacks=what_lacks)
         # where something closes the way, nothing that is done to the thing opens it
         if closing := explanation.closing() if reason == NO_WAY else ():
             advice = changes.without_one_of(closing)

@@ -13,8 +13,7 @@ from contextlib import closing, suppress
 from copy import copy
 from dataclasses import replace
 from functools import partial
-from itertools import count, islice
-from typing import Generic, TypeVar
+from itertools import islice
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
@@ -34,6 +33,7 @@ from executive.locations.explanations import explain_bases, explain_hands
 from executive.locations.hand_predicates import Stage, hand_holds
 from executive.locations.hand_solutions import HandSolution, from_base, with_torso_still
 from executive.locations.inverse_maps import InverseMaps
+from executive.locations.later_bringing import lacking_later
 from executive.locations.leaf_ways import leaves_used
 from executive.locations.looks import Looks
 from executive.locations.placement import IN_THE_WAY, Placement
@@ -49,12 +49,14 @@ from executive.locations.questions import (
     Question,
 )
 from executive.locations.rejections import NO_WAY, NOT_VISIBLE, Rejections, unmet
+from executive.locations.replayable import Replayable
 from executive.locations.search import search_bases
 from executive.locations.shut_ways import behind_doors, to_close
+from executive.locations.supposed import at_rest, with_in_hand
 from executive.locations.validation import BaseValidator
 from executive.robots.arms import ArmModel
 from planlang.designators import Device, Location, Object, action
-from planlang.failures import DesignatorFailure, LocationUnresolvable, MissingCapability, PlanFailure
+from planlang.failures import DesignatorFailure, LocationUnresolvable, MissingCapability
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Clear, Facing, Region
 from planlang.kept import Latest
@@ -191,7 +193,8 @@ class Resolver:
         emptied = Findings(Allowance(EASY_CHECKS, EASY_SOLVED), walled=question.known.walled)
         once_emptied = None if found else partial(self._is_feasible, location, emptied, blind=True)
         arms, wanted = validator.arms(demand), validator.wanted(demand)
-        explain_bases(wanted, arms, scene, self.maps, question, is_feasible, once_moved, once_emptied, meant)
+        later = None if found else partial(self._lacking_later, location, findings)
+        explain_bases(wanted, arms, scene, self.maps, question, is_feasible, once_moved, once_emptied, meant, later)
         raise question.log.failure(location, after=len(found))
 
     def _check_way(self, location: Location, demand: BaseDemand, log: Rejections) -> None:
@@ -215,16 +218,46 @@ class Resolver:
             watcher(location, log)
         return Question(log)
 
-    def _is_feasible(self, location: Location, common: Findings, scene: PlanningScene, *, blind: bool = False) -> bool:
+    def _is_feasible(
+        self, location: Location, common: Findings, scene: PlanningScene, *, blind: bool = False
+    ) -> bool | None:
         """Check quickly whether a location has a base pose in a scene that is supposed; ``blind``: without sight.
 
         ``common`` has what all these searches share: exact checks that are left, and whether the floor is walled.
+        None if these checks ended before it was known.
         """
         if common.allowance.is_spent:
-            return False
+            return None
         demand = base_demand(location, scene, self._viewer(location))
         validator = self.supposing(scene)._validator
-        return _has_base(validator, (validator.blind(demand) if blind else None) or demand, common)
+        if _first_base(validator, (validator.blind(demand) if blind else None) or demand, common) is not None:
+            return True
+        return None if common.allowance.is_spent else False
+
+    def _lacking_later(self, location: Location, common: Findings, scene: PlanningScene) -> str:
+        """Say what of the remaining task has no way in a scene that is supposed, once a location there is reached.
+
+        Where the thing that is grasped there is brought, and the other things that later steps bring somewhere.
+        """
+        resolver = self.supposing(scene)
+        demand = base_demand(location, scene, self._viewer(location))
+        found = _first_base(resolver._validator, demand, common)
+        reached = {} if found is None else resolver.reached_from(found.base)
+        grasps = (one for by_reach in reached.values() for one in by_reach.values())
+        grasp = next((one for one in grasps if one.reach.kind is ReachKind.GRASP), None)
+        if found is None or grasp is None:
+            return ""
+        steps = [*actions_around(), *remaining_actions()]
+        there = at_rest(scene, scene.belief.state, found.base)
+        then = scene.supposing(with_in_hand(scene, there, grasp))
+        return lacking_later(steps, grasp.reach.body, then, scene, partial(self._is_feasible_from, common))
+
+    def _is_feasible_from(self, common: Findings, location: Location, scene: PlanningScene) -> bool | None:
+        """Check as :meth:`_is_feasible` does; None also for a location that its own step will report as wrong."""
+        try:
+            return self._is_feasible(location, common, scene)
+        except DesignatorFailure:
+            return None
 
     def waits_for(self, location: Location) -> tuple[str, ...]:
         """Name what drives by itself and keeps the base from a location where it stands now; empty for other reasons.
@@ -246,14 +279,14 @@ class Resolver:
     def is_possible(self, location: Location, scene: PlanningScene | None = None) -> bool:
         """Check quickly whether a location has a base pose, by default in the scene as it is believed."""
         findings = Findings(Allowance(EASY_CHECKS, EASY_SOLVED), walled=True)
-        return self._is_feasible(location, findings, scene or self.scene)
+        return self._is_feasible(location, findings, scene or self.scene) is True
 
     def _excluding(self, demand: BaseDemand, common: Findings, log: Rejections) -> Region | Facing | Clear | None:
         """Find the conjunct about the floor without which there would be a base pose; None if there is none."""
         areas = [area for area in demand.areas if log.counts[unmet(area)]]
         for area in areas if demand.reaches or demand.seen or len(demand.areas) > 1 else ():
             others = replace(demand, areas=tuple(one for one in demand.areas if one != area))
-            if not common.allowance.is_spent and _has_base(self._validator, others, common):
+            if not common.allowance.is_spent and _first_base(self._validator, others, common) is not None:
                 return area
         return None
 
@@ -431,55 +464,14 @@ class Resolver:
         return self._viewers.get(location, (x, y))
 
 
-def _has_base(validator: BaseValidator, demand: BaseDemand, common: Findings) -> bool:
-    """Check quickly whether demands have a base pose."""
+def _first_base(validator: BaseValidator, demand: BaseDemand, common: Findings) -> Solution | None:
+    """Search quickly for a base pose of demands; None if there is none."""
     tried = Question(known=Findings(common.allowance, walled=common.walled, untried=True))
     with closing(search_bases(validator, demand, tried, [], most=EASY)) as found:
-        return next(found, None) is not None
+        return next(found, None)
 
 
 def _names_a_side(location: Location) -> bool:
     """Check whether a location may depend on the viewpoint."""
     inner = (one for one in location.references() if isinstance(one, Location))
     return any(RELATIONS[relation.name].directions for relation in location.relations) or any(map(_names_a_side, inner))
-
-
-T = TypeVar("T")
-
-
-class Replayable(Generic[T]):
-    """Lazy series of answers that can be iterated again, with the failure that ended it.
-
-    If the search is interrupted, the next iteration starts it again and yields the same answers.
-    """
-
-    def __init__(self, ask: Callable[[], Iterator[T]]) -> None:
-        self._ask = ask
-        self._source: Iterator[T] | None = None
-        self._found: list[T] = []
-        self._end: PlanFailure | None = None
-
-    def __iter__(self) -> Iterator[T]:
-        for number in count():
-            while number >= len(self._found):
-                if not self._more():
-                    return
-            yield self._found[number]
-
-    def _more(self) -> bool:
-        """Find one more answer; False if there are none."""
-        if self._end is not None:
-            raise self._end.with_traceback(None)
-        if self._source is None:
-            self._found, self._source = [], self._ask()
-        try:
-            self._found.append(next(self._source))
-        except StopIteration:
-            return False
-        except PlanFailure as problem:
-            self._end = problem
-            raise
-        except BaseException:
-            self._source = None
-            raise
-        return True

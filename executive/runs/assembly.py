@@ -6,6 +6,7 @@ is about 5 kB of JSON: worlds, belief, random numbers, and choices that are kept
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
@@ -16,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from executive.ahead.later_steps import fetched_beside
-from executive.ahead.leaving import at_rest, with_in_hand
 from executive.belief import Belief
 from executive.belief.facts import decide
 from executive.belief.obstacles import with_store
@@ -25,6 +25,7 @@ from executive.belief.purposes import Purposes
 from executive.belief.scene_collisions import BasePose
 from executive.belief.snapshots import changed_since, with_changes
 from executive.locations import HandSolution, ReachKind, Resolver
+from executive.locations.supposed import at_rest, with_in_hand
 from executive.maps import SemanticMap, default_starts
 from executive.modules.around_actions import RobotModule
 from executive.modules.effects import ActionEffects
@@ -49,6 +50,8 @@ from sim import PlanningWorld, PyBulletWorld, Scene, WorldMirror, perturb
 from sim.mirror import become
 from sim.truth import ROBOT
 
+MOST_NEAREST = 50
+"""Free places near a start that is not, of which one is advised."""
 MOST_STARTS = 5000
 """Maximum number of free base poses to try for one where the arms have room, too: a disc of 2 m in the fine grid."""
 
@@ -80,7 +83,7 @@ def world_at_start(
     if held:
         world = WorldMirror(world, robot.name).at(world.world_state(robot.name).gripping(held))
     if start is not None:
-        _check_start(world)
+        _check_start(world, default_starts(scene, robot.base.radius))
     now = world.configuration()
     for pose in chain((first,), islice(poses, MOST_STARTS)):
         if not world.contacts(replace(now, base=pose), moving=("base",)):
@@ -103,8 +106,11 @@ def _no_start() -> BadInput:
     return BadInput([error("X003", "no free start pose for the robot was found", help=advice)])
 
 
-def _check_start(world: PlanningWorld) -> None:
-    """Raise BadInput if the start pose is in collision or off the map."""
+def _check_start(world: PlanningWorld, free: Iterator[BasePose]) -> None:
+    """Raise BadInput if the start pose is in collision or off the map; the help is the nearest of some ``free`` ones.
+
+    Of these, the robot with its arms has room only at some.
+    """
     x, y, yaw = world.scene.start
     x_min, y_min, x_max, y_max = world.scene.bounds
     place = f"the robot cannot start at {x:g},{y:g},{yaw:g}"
@@ -113,6 +119,12 @@ def _check_start(world: PlanningWorld) -> None:
         raise BadInput([error("X007", f"{place}: it is off the map", help=advice)])
     touched = sorted({contact.body for contact in world.contacts()})
     if touched:
+        now = world.configuration()
+        nearest = sorted(islice(free, MOST_STARTS), key=lambda pose: math.dist(pose[:2], (x, y)))[:MOST_NEAREST]
+        for base in (base for base in nearest if not world.contacts(replace(now, base=base), moving=("base",))):
+            near = tuple(round(number, 2) for number in base)
+            advice = Text(Option("start", near), " is the nearest free place that was found")
+            break
         raise BadInput([error("X007", f"{place}: it would collide with {', '.join(touched)}", help=advice)])
 
 

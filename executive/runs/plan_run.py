@@ -305,13 +305,12 @@ class Run:
             "map_sha256": [document.sha256 for document in subject.map.ontology.documents],
             "versions": versions(),
         }
-        settings = header_entries(
-            options,
-            models=None if given is None else [one.iri for one in given],
-            modules=self.registry.identity or None,
-        )
+        models = None if given is None else [one.iri for one in given]
+        settings = header_entries(options, models=models, modules=self.registry.identity or None)
         infeasible = [alternative.name for alternative, _ in assessment.infeasible]
-        return header | settings | ({"infeasible": infeasible} if infeasible else {})
+        # a resumed run makes the changes by itself
+        also = {"infeasible": infeasible, "applied": [one.as_json() for one in self.files.changes]}
+        return header | settings | {key: value for key, value in also.items() if value}
 
     def _check_things(self, subject: _Subject, executive: RobotExecutive) -> None:
         """Raise BadInput for parameters without a thing, now or later, and for ambiguous ones.

@@ -121,7 +121,7 @@ def prepared(options: RunOptions) -> RunFiles:
         problems += _check_outputs(options, inputs)
     refuse(problems)
     accepted(options.accept)
-    changes = _changes(options.apply)
+    changes = header.changes if options.apply is None else _changes(options.apply)
     start = next((planar(one.value) for one in changes if one.what == "start"), None)
     options = replace(
         options,
@@ -145,10 +145,8 @@ def prepared(options: RunOptions) -> RunFiles:
     )
 
 
-def _changes(file: Path | None) -> tuple[Change, ...]:
+def _changes(file: Path) -> tuple[Change, ...]:
     """Read what a failed run advises to change. Raises BadInput for another file."""
-    if file is None:
-        return ()
     try:
         return changes_in(json.loads(decode(read_file(file), str(file))))
     except (ValueError, RecursionError) as problem:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import field
 from importlib.metadata import PackageNotFoundError, version
@@ -12,6 +13,7 @@ from typing import Any
 
 from executive.options.running import in_header, settings_from_header
 from executive.runs.parameters import Bound
+from planlang.advice import Change
 from planlang.designators import Location, Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, warning
 from planlang.files import Bundled
@@ -31,10 +33,11 @@ from planlang.words import Blank, Option, Text, calling
 def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Listener:
     """Make a listener that calls ``say`` with the world step and a line, for records of interest to people.
 
-    With ``inner`` also for actions that process modules perform inside others. A failure that ends several actions at
-    once has one line.
+    With ``inner`` also for actions that process modules perform inside others. A failure that passes several actions
+    and recoveries at once has one line for each, and what is believed of a thing already is not said again.
     """
-    told = (-1, "")
+    told: tuple[int, set[str]] = (-1, set())
+    believed: dict[object, str] = {}
 
     def listen(record: Mapping[str, Any], node: Node | None) -> None:
         nonlocal told
@@ -42,19 +45,31 @@ def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Listene
         if is_span and not inner and node is not None and is_inner(node):
             return
         line = line_of(record)
-        if line is None or (record["event"] == "ended" and told == (record["step"], line)):
+        if line is None:
             return
-        told = record["step"], line
-        say(*told)
+        step = record["step"]
+        told = told if told[0] == step else (step, set())
+        is_passed_on = record["event"] == "ended" or record.get("decision") in ("propagate", "failed")
+        is_known = record["event"] == "belief" and believed.get(record["name"]) == line
+        if is_known or (is_passed_on and line in told[1]):
+            return
+        told[1].add(line)
+        if record["event"] == "belief":
+            believed[record["name"]] = line
+        say(step, line)
 
     return listen
+
+
+_TRUE = re.compile(r"\b([a-z_]+)=True\b")
+"""A property of an action that is simply true, which is told by its name alone."""
 
 
 def line_of(record: Mapping[str, Any]) -> str | None:
     """Line about a record, for people; None if it does not interest them."""
     match record:
         case {"event": "started", "kind": "perform", "action": action}:
-            return str(action)
+            return _TRUE.sub(lambda one: one[1].replace("_", " "), str(action))
         case {"event": "ended", "kind": "perform", "failure": {"type": kind, "message": message}}:
             return f"failed: {kind}: {message}"
         case {"event": "started", "kind": "plan", "name": name}:
@@ -106,6 +121,8 @@ class TraceHeader:
     schedule: int | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
     """Settings for the resumed run, by name."""
+    changes: tuple[Change, ...] = ()
+    """What was changed in the map, as a failed run had advised."""
 
     @staticmethod
     def of(recorded: RecordedRun) -> TraceHeader:
@@ -118,6 +135,11 @@ class TraceHeader:
                 start = (math.nan, 0.0, 0.0)
         if not all(map(math.isfinite, start)) or seed < 0:
             raise BadInput([error("X020", "the header is damaged: plan, seed or start", Span(recorded.name))])
+        try:
+            changes = tuple(map(Change.of, header.get("applied") or ()))
+        except (ValueError, TypeError) as problem:
+            message = f"the header is damaged: the changes of the map: {problem}"
+            raise BadInput([error("X020", message, Span(recorded.name))]) from None
         iri, robot, environment = (_text(header.get(key)) for key in ("iri", "robot", "map"))
         stem = local_name(environment or "").partition(".")[0]
         return TraceHeader(
@@ -130,6 +152,7 @@ class TraceHeader:
             seed,
             schedule,
             settings_from_header(header),
+            changes,
         )
 
     def plan(self, trace: str) -> str:

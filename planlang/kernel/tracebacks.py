@@ -6,7 +6,7 @@ import os
 import sys
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from types import CodeType, FrameType, TracebackType
 
 from planlang.kernel.core import Task, running
@@ -16,6 +16,8 @@ from planlang.plan_failure import PlanFailure, Where
 
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 _OWN = tuple(os.path.join(_PACKAGE, part) for part in ("kernel/", "language/", "runs/", "recoveries.py"))
+DELIVERED = frozenset({"executive", "sim"})
+"""Packages that come with the plan language: a line of theirs tells the author of a plan nothing."""
 SHOWN = 20
 """Maximum number of tasks or functions listed in an error: about a screen."""
 
@@ -117,15 +119,20 @@ def listing(title: str, tasks: Iterable[Task]) -> str:
     return "\n".join(lines)
 
 
-def lines_of(error: BaseException) -> list[tuple[str, int]]:
-    """File and line of each frame of an error's traceback outside the plan language, the innermost last."""
-    passed = ((frame.f_code.co_filename, line) for frame, line in traceback.walk_tb(error.__traceback__))
-    return [(os.path.basename(file), line) for file, line in passed if not is_own(file)]
+def lines_of(error: BaseException, *, but: Collection[str] = ()) -> list[tuple[str, int]]:
+    """File and line of each frame of an error's traceback outside the plan language, the innermost last.
+
+    Frames in the packages ``but`` are left out.
+    """
+    passed = ((frame, line) for frame, line in traceback.walk_tb(error.__traceback__))
+    others = ((frame, line) for frame, line in passed if not is_own(frame.f_code.co_filename))
+    of_package = ((str(frame.f_globals.get("__name__")).partition(".")[0], frame, line) for frame, line in others)
+    return [(os.path.basename(frame.f_code.co_filename), line) for name, frame, line in of_package if name not in but]
 
 
 def locate(failure: PlanFailure, node: Node, revision: Callable[[], int] | None) -> None:
-    """Store in a failure where it arose: the node, and the innermost line outside the plan language."""
-    file, line = next(reversed(lines_of(failure)), ("", 0))
+    """Store in a failure where it arose: the node, and the innermost line that an author has written, if any."""
+    file, line = next(reversed(lines_of(failure, but=DELIVERED)), ("", 0))
     failure.where = Where(node.path, file, line, revision() if revision is not None else None)
 
 

@@ -38,6 +38,26 @@ def test_a_run_whose_map_is_changed_as_its_failure_advises_is_done(room: Path, t
     assert done.final_state == ("bottle1: held by patient1",)
 
 
+def test_a_resumed_run_makes_the_changes_of_its_trace_by_itself(room: Path, tmp_path: Path) -> None:
+    (tmp_path / "advice.json").write_text(json.dumps([HIGH.as_json()]))
+    whole, cut = tmp_path / "whole.jsonl", tmp_path / "cut.jsonl"
+    run_plan_file(RunSettings(recipe="serve_a_drink", environment=room, apply=tmp_path / "advice.json", trace=whole))
+    lines = whole.read_text(encoding="utf-8").splitlines(keepends=True)
+    cut.write_text("".join(lines[: len(lines) // 4]), encoding="utf-8")
+    done = run_plan_file(RunSettings(environment=room, resume=cut))
+    assert done.outcome is Outcome.DONE, done.message
+
+
+def test_a_trace_that_states_changes_which_are_none_is_refused(room: Path, tmp_path: Path) -> None:
+    whole = tmp_path / "whole.jsonl"
+    run_plan_file(RunSettings(recipe="serve_a_drink", environment=room, trace=whole))
+    header, *others = whole.read_text(encoding="utf-8").splitlines()
+    damaged = [json.dumps({**json.loads(header), "applied": [1]}), *others[:20]]
+    whole.write_text("\n".join(damaged), encoding="utf-8")
+    with pytest.raises(BadInput, match="X020 the header is damaged: the changes of the map: 1 is no change"):
+        run_plan_file(RunSettings(environment=room, resume=whole))
+
+
 @pytest.mark.parametrize(("text", "why"), [("{}", "it states no changes"), ("[1]", "1 is no change"), ("no", "JSON")])
 def test_a_file_that_advises_nothing_is_refused_before_the_run(tmp_path: Path, text: str, why: str) -> None:
     (tmp_path / "advice.json").write_text(text)

@@ -14,10 +14,10 @@ from itertools import product
 import numpy as np
 
 from executive.ahead.later_steps import reached_through
-from executive.ahead.leaving import at_rest
 from executive.locations.headroom import way_out
 from executive.locations.rejections import NO_WAY
 from executive.locations.shut_ways import behind_doors, open_wide
+from executive.locations.supposed import at_rest
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.furniture.leaf_paths import LeafPath, LeafPaths
 from executive.modules.furniture.witnessing import is_seen_from_here, is_witnessed

@@ -8,8 +8,9 @@ and afterwards. A closed hand pushes a button along its normal, in one stroke.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from itertools import islice
 
 import numpy as np
 
@@ -17,12 +18,14 @@ from executive.belief.planning_scene import PlanningScene
 from executive.locations import Rejections
 from executive.locations.changes import Changes
 from executive.modules.arm.hand_work import HandWork
+from executive.modules.furniture.button_reach import Push, pushes
 from executive.modules.furniture.containers import LeafWork, ways_tried
+from executive.modules.furniture.leaf_grips import hand_with
 from executive.modules.furniture.witnessing import is_witnessed
 from executive.modules.platform import Platform
 from executive.modules.runner import Skill
 from executive.modules.tools.motion_grounding import Grounding
-from executive.modules.tools.strokes import Plane, StrokeWork
+from executive.modules.tools.strokes import PLACES, Plane, Planned, StrokeWork
 from executive.robots.arms import ArmModel, too_far
 from planlang.designators import Action, Object
 from planlang.failures import (
@@ -40,6 +43,7 @@ from planlang.failures import (
     StateUnknown,
 )
 from planlang.geometry import Array, Pose
+from planlang.geometry.matrices import moved
 from planlang.kernel import compute_in_thread
 from planlang.language.process_module import process_module
 from planlang.motion_constraints import ConstraintsUnsatisfied, MotionConstraint, a_constraint, a_feature
@@ -52,10 +56,14 @@ TIMES = 2
 """Most pushes or turns: a device that did not respond to these is broken."""
 THIN = 0.005
 """Distance along the normal within which a touch counts as one of the button's surface [m]."""
-BEFORE, BEYOND = 0.1, -0.02
-"""Heights of the tip over a button at the start and end of a push [m]; the button stops it before the end."""
+BEFORE, BEYOND = 0.1, 0.01
+"""Height of the tip over a button at the start of a push, and depth to which the leaning fingers would get into it [m]:
+the button stops them before. More would cost reach: devices stand at the back of counters.
+"""
 STEP = 0.025
 """Spacing of waypoints [m]."""
+CLEAR = 0.01
+"""Distance from the button down to which the hand touches nothing yet [m]."""
 EXACT = 0.003
 """Tolerance of heights [m]."""
 LEANS = -0.7
@@ -79,23 +87,57 @@ class ButtonStrokes(StrokeWork):
         grounding = self._grounding()
         await self._look(grounding)
         plane = Plane(grounding.grounded().constraints[0])
-        lap = await self.stroke(grounding, plane, self._points(), closed=False)
+
+        async def approach(way: Push) -> None:
+            if way.base != self.platform.base():
+                await self.drive_with_room(way.base)
+                await self._look(grounding)
+
+        async def solved(way: Push) -> Planned:
+            guess = self._arm.chain.near(way.joints, self._start(grounding.grounded()))
+            return await self.planned_stroke(grounding, plane, self._points(), guess, closed=False)
+
+        failures = (ConstraintsUnsatisfied, NavigationFailure)
+        planned = await Skill(self._ways, solved, approach, failures=failures, otherwise=self._unsolved).run()
+        lap = await self.begin_stroke(planned)
         motion = await self.platform.follow(self._arm.name, lap)
         await self.leave(self._arm, lap, self._button.body)
         return motion
 
     def reach(self) -> bool:
         """Check whether the hand reaches the button from any base pose."""
+        return next(self._ways(), None) is not None
+
+    def _ways(self) -> Iterator[Push]:
+        """Yield the ways to push the button without collision, at most :data:`PLACES`."""
+        scene, button, points = self.platform.scene, self._button, self._points()
         grounding = self._grounding()
-        plane = Plane(grounding.grounded().constraints[0])
-        return next(self._reaching(grounding, plane, self._points()), None) is not None
+        motion = grounding.grounded()
+        normal = np.array(button.normal) / np.linalg.norm(button.normal)
+        line = moved(scene.bodies.pose(button.body).matrix(), points[:, :3] + points[:, 3:] * normal)
+        free = int((points[:, 3] > self._fingers() + CLEAR).sum())
+
+        def is_free(way: Push) -> bool:
+            rows = enumerate(way.joints)
+            return not any(grounding.touching(motion, row, way.base, clear=number < free) for number, row in rows)
+
+        ways = pushes(self.platform.standing(), self._arm, line, touches=button.body, free=free, is_free=is_free)
+        yield from islice(ways, PLACES)
+
+    async def _unsolved(self, problem: PlanFailure | None, tried: int) -> PlanFailure:
+        return problem or ConstraintsUnsatisfied(arm=self._arm.name, what=self._button.body)
+
+    def _fingers(self) -> float:
+        """Compute how far the fingers end ahead of the tip [m]."""
+        return max(float((hand_with(self.platform.scene, self._arm) @ np.array(self._arm.frame.approach)).max()), 0.0)
 
     def _grounding(self) -> Grounding:
         return Grounding(self.platform, self._constraints(), touches={self._button.body, self._button.device})
 
     def _points(self) -> Array:
         """Sample the stroke (n, 4): the button's point in its body's frame, with heights over it."""
-        heights = np.linspace(BEFORE, BEYOND, 1 + math.ceil((BEFORE - BEYOND) / STEP))
+        end = -LEANS * self._fingers() - BEYOND
+        heights = np.linspace(BEFORE, end, 1 + math.ceil((BEFORE - end) / STEP))
         return np.column_stack([np.repeat(np.array([self._button.point]), len(heights), axis=0), heights])
 
     def _constraints(self) -> tuple[MotionConstraint, ...]:

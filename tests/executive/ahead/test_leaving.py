@@ -6,8 +6,9 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import planlang
-from executive.ahead.leaving import at_rest, gets_away
+from executive.ahead.leaving import gets_away
 from executive.ahead.spent import Spent
+from executive.locations.supposed import at_rest
 from planlang.geometry import Pose
 from tests.support.leaves import room, thing
 

@@ -12,6 +12,7 @@ import pytest
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.changes import Changes, with_changes
 from executive.locations.explanations import height_of
+from executive.locations.later_bringing import lacking_later
 from executive.locations.rejections import Rejections
 from planlang import perform
 from planlang.designators import Location, a_location, action, an_object
@@ -88,6 +89,51 @@ def test_what_stands_between_a_thing_and_the_edge_is_to_go_with_it_or_alone(
     assert advice is not None
     assert str(advice).startswith(told)
     assert is_feasible(scene.supposing(with_changes(scene.belief, advice.changes)))
+
+
+def test_a_change_that_no_search_decided_is_not_listed_as_tried(make_stage: MakeStage) -> None:
+    can = replace(BOTTLE, name="can", iri=None, pose=Pose((0.87, 0.1, 0.9)))
+    scene, decided = make_stage(TABLE, FAR_BACK, can).platform.scene, [False]
+    changes = Changes("bottle", scene, Rejections(), lambda _: decided.pop() if decided else None)
+    assert changes.helping() is None
+    told = changes.none_found()
+    assert told.startswith("no simple change that would help was found before the search reached its limit (tried: ")
+    assert "," not in told.partition("tried: ")[2].removesuffix(", y = 0.10)")
+
+
+def test_of_changes_that_help_the_first_one_leaves_the_rest_of_the_task_a_way(make_stage: MakeStage) -> None:
+    can = replace(BOTTLE, name="can", iri=None, pose=Pose((0.87, 0.1, 0.9)))
+    scene, log = make_stage(TABLE, FAR_BACK, can).platform.scene, Rejections()
+    log.blocking["can"] = 1
+
+    def lacks(supposed: PlanningScene) -> str:
+        return "then not put on shelf" if supposed.belief.state.there("can") else ""
+
+    better = Changes("bottle", scene, log, lambda _: True, what_lacks=lacks).helping()
+    assert str(better) == "without can this would work"
+    none = Changes("bottle", scene, log, lambda _: True, what_lacks=lambda _: "then not put on shelf").helping()
+    assert str(none).endswith("bottle could be reached, but then not put on shelf")
+
+
+@pytest.mark.parametrize(
+    ("impossible", "said"),
+    [("put", "then not put on cabinet"), ("can", "then can, which is to be brought, could not"), ("", "")],
+)
+def test_what_later_steps_bring_somewhere_is_asked_about(make_stage: MakeStage, impossible: str, said: str) -> None:
+    can = replace(BOTTLE, name="can", iri=PLACE + "can", pose=Pose((1.0, 0.4, 0.9)))
+    stage = make_stage(TABLE, CABINET, FAR_BACK, can)
+    the_can, cabinet = an_object(can.type, PLACE + "can"), an_object(CABINET.type, PLACE + CABINET.name)
+    steps = [
+        action("MovingSomething", object_acted_on=what, to_location=a_location(on=cabinet))
+        for what in (THE_BOTTLE, the_can)
+    ]
+    scene = stage.platform.scene
+    hold_bottle(stage)
+
+    def has_way(location: Location, _: PlanningScene) -> bool:
+        return impossible != ("can" if the_can in location.things() else "put")
+
+    assert lacking_later(steps, "bottle", stage.platform.scene, scene, has_way) == said
 
 
 def test_what_only_a_full_hand_reaches_is_to_be_fetched_before_what_the_hand_holds(make_stage: MakeStage) -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from executive.locations import Rejections, Resolver
 from executive.locations.questions import BUDGETS
-from executive.locations.resolver import Replayable
+from executive.locations.replayable import Replayable
 from executive.locations.search import APART
 from planlang import at_location
 from planlang.designators import Location, a_location, a_person, an_object

@@ -66,6 +66,16 @@ def test_what_cuts_has_no_button_unless_the_map_states_one(cls: str) -> None:
     assert (control.device, control.body) == ("blade", "button")
 
 
+def test_a_button_as_far_from_the_edge_as_the_fingers_reach_is_pushed_by_a_hand_beside_the_base(
+    stack: ExitStack,
+) -> None:
+    wide, far = thing("table", "KitchenTable", Pose((0.9, 0.0, 0.375)), (1.0, 1.6, 0.75)), Pose((0.5, 0.0, 0.0))
+    moved = tuple(replace(one, pose=far @ one.pose) for one in (MAKER, button()) if one.pose is not None)
+    stage = room(stack, (wide, *moved))
+    stage.do(ON, "maker")
+    assert stage.truth.matter.is_on("maker")
+
+
 @pytest.mark.long
 def test_of_a_button_that_is_too_far_from_the_edge_is_reported_where_it_would_be_reached(stack: ExitStack) -> None:
     """Constraints of the stroke, which "contradict each other" there, tell nobody what to change."""

@@ -351,5 +351,13 @@ def test_the_top_level_failure_is_raised_with_its_place() -> None:
     assert where.file == "test_shutdown.py"
 
 
+def test_a_line_of_a_package_that_comes_with_the_language_is_no_place_of_a_failure() -> None:
+    made: dict[str, Any] = {"__name__": "executive.modules.made", "PlanFailure": PlanFailure}
+    exec("async def fails():\n    raise PlanFailure('no')", made)
+    with pytest.raises(PlanFailure) as caught:
+        go(partial(par, first=made["fails"]))
+    assert str(caught.value.where) == "par/par/first"
+
+
 def test_evaporated_is_no_exception_that_a_plan_catches_by_accident() -> None:
     assert not issubclass(Evaporated, Exception)
