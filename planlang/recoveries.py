@@ -15,7 +15,7 @@ from functools import cache, partial, wraps
 from importlib.metadata import entry_points
 from typing import Any, TypeVar, cast
 
-from planlang.designators import Condition, Object, a_location, action
+from planlang.designators import Action, Condition, Object, a_location, action
 from planlang.failures import (
     BehindClosedDoor,
     ContainerStuck,
@@ -36,7 +36,7 @@ from planlang.kernel.primitives import called
 from planlang.language.branches import Branch
 from planlang.language.executive import executive_for
 from planlang.language.location import AGAIN, at_location, make_room
-from planlang.language.performing import perform
+from planlang.language.performing import actions_around, perform
 from planlang.language.recovery import PROPAGATE, RETRY, Do, Recovery, RecoveryResult, Return, retry
 from planlang.language.remaining import remaining_actions
 from planlang.language.resources import goes_first, hand_freed, lacks_hands
@@ -45,6 +45,8 @@ from planlang.records import dataclass
 
 GROUP = "planlang.recoveries"
 """Entry-point group of installed strategies."""
+ASIDE = "SettingAsideAnObject"
+"""Class of actions that put a held object down on whatever is near."""
 
 F = TypeVar("F", bound=Callable[..., Any])
 _STRATEGY = Usage(
@@ -220,8 +222,8 @@ def open_what_is_in_the_way(what: Object) -> Do:
 
     If the search for places has found that there is one once something else was done, such as closing a drawer that is
     open before it, or opening a door further, that is done first. If no hand is free to open it, one puts down what it
-    holds, as :func:`put_down_first` does, the object last. What was opened stays open: the plan may want the robot
-    where it is at its end, and to close a door it would have to leave. A failure with another reason propagates.
+    holds, as :func:`put_down_first` does. What was opened stays open: the plan may want the robot where it is at its
+    end, and to close a door it would have to leave. A failure with another reason propagates.
     """
 
     Usage("open_what_is_in_the_way", {"what": "bottle"}).instance("what", what, Object, "an object")
@@ -231,7 +233,7 @@ def open_what_is_in_the_way(what: Object) -> Do:
         if closed is None or closed.door is None:
             return await _made_way(failure)
         for door in (closed.door, *closed.further):
-            freed = Recovery(HandsFull, put_down_first(what), retries=AGAIN)
+            freed = Recovery(HandsFull, put_down_first(door), retries=AGAIN)
             again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(door), retries=AGAIN)
             # furniture may stand behind doors between rooms, which the search for its handle names
             before = Recovery(BehindClosedDoor, open_what_is_in_the_way(door))
@@ -244,11 +246,11 @@ def open_what_is_in_the_way(what: Object) -> Do:
 
 @recovery_strategy("PutDownFirst", about_object=True, moves_base=True)
 def put_down_first(what: Object) -> Do:
-    """Put down what a hand holds where no hand is free, then run the body again.
+    """Put down what a hand holds where no hand is free to work on the object, then run the body again.
 
-    Of several things it is the one that the remaining steps need last, or else the one that has been held for longest;
-    the object itself comes after the others. It is put where it is in no way of the doors and drawers that this and
-    later steps move; the step that needs it next takes it up again. Another failure propagates.
+    Of several things it is the one that this step and the remaining ones need last, or else the one that has been held
+    for longest. It is put where it is in no way of the object, and of the doors and drawers that later steps move; the
+    step that needs it next takes it up again. Another failure propagates.
     """
 
     Usage("put_down_first", {"what": "door"}).instance("what", what, Object, "an object")
@@ -260,18 +262,19 @@ def put_down_first(what: Object) -> Do:
         order, needed = tuple(executive_for("put_down_first").held()), _need()
         never = len(needed)
 
-        def rank(one: Object) -> tuple[bool, int, int]:
+        def rank(one: Object) -> tuple[int, int]:
             held = order.index(one.name) if one.name in order else len(order)
-            return one == what, -needed.get(one.name, never), held
+            return -needed.get(one.name, never), held
 
-        return await _one_put_down(sorted(dict.fromkeys(full.held.values()), key=rank))
+        first = sorted(dict.fromkeys(full.held.values()), key=rank)
+        return await _one_done(action(ASIDE, object_acted_on=one, out_of_the_way_of=what) for one in first)
 
     return put_down
 
 
 def _need() -> dict[str, int]:
-    """Number the things that remaining steps handle by when they do so first."""
-    handled = (one.get("object_acted_on") for one in remaining_actions())
+    """Number the things that the steps in progress and the remaining ones handle by when they do so first."""
+    handled = (one.get("object_acted_on") for one in (*actions_around(), *remaining_actions()))
     names = dict.fromkeys(one.name for one in handled if isinstance(one, Object))
     return {name: number for number, name in enumerate(names)}
 
@@ -372,11 +375,10 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
         if is_held == (full is not None):  # the failure is about something else
             return PROPAGATE
         if full is not None:
-            return await _one_put_down(dict.fromkeys(full.held.values()))
-        aside = "SettingAsideAnObject"
-        putting = action(aside, object_acted_on=what)
+            return await _one_done(action(ASIDE, object_acted_on=one) for one in dict.fromkeys(full.held.values()))
+        putting = action(ASIDE, object_acted_on=what)
         try:
-            await perform(putting if other_waits else action(aside, object_acted_on=what, by_another_grip=True))
+            await perform(putting if other_waits else action(ASIDE, object_acted_on=what, by_another_grip=True))
             if other_waits:
                 await hand_freed(failure, anyway=True)
             if again is not None:
@@ -388,11 +390,11 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
     return regrasp
 
 
-async def _one_put_down(held: Iterable[Object]) -> RecoveryResult:
-    """Put down the first of the held objects for which that succeeds, to free a hand."""
-    for one in held:
+async def _one_done(actions: Iterable[Action]) -> RecoveryResult:
+    """Perform the first of some actions that succeeds."""
+    for one in actions:
         with suppress(PlanFailure):
-            await perform(action("SettingAsideAnObject", object_acted_on=one))
+            await perform(one)
             return RETRY
     return PROPAGATE
 

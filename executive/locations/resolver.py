@@ -301,8 +301,14 @@ class Resolver:
         return around or goals_of(reach.body, remaining_actions(), self.scene)[:1]
 
     def _clear(self) -> tuple[str, ...]:
-        """List the doors and drawers that later steps use while a hand holds something, which it may put down."""
-        return leaves_used(remaining_actions(), self.scene) if self.scene.belief.held else ()
+        """List the doors and drawers that later steps use while a hand holds something, which it may put down.
+
+        So do steps in progress that do not state where: what is put down meanwhile is in no way of their work.
+        """
+        if not self.scene.belief.held:
+            return ()
+        around = (one for one in actions_around() if one.get("to_location") is None)
+        return leaves_used((*around, *remaining_actions()), self.scene)
 
     def _with_uses(self, reach: Reach) -> Reach:
         """Add to a grasp later uses of the thing, and to where one is put the leaves that later steps use."""

@@ -11,7 +11,6 @@ from planlang.report.tree import class_of, pose_text, properties_text, shown
 from planlang.runs.run_tree import TaskNode
 
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z0-9]+|[^\sA-Za-z0-9_-]+")
-_RELATION = re.compile(r"(?:\bto )?\b([a-z_]+)\((\w+)\)(?: with \w+)?")
 _CONSTRAINTS = re.compile(r"constrained_by=(?:\([^()]*\)|\w+)(?:, )?")
 _POSE = re.compile(r"[^(]+\(x=([-\d.]+), y=([-\d.]+), yaw=([-\d.]+)\)")
 _SHORT = {"object_acted_on": "", "to_location": "to ", "recipient": "to ", "device_used": "with "}
@@ -37,14 +36,9 @@ class Wording:
         what = self.labels.get(cls)
         if what is None and not pose and action.endswith(")"):
             inside = _CONSTRAINTS.sub("", action.partition("(")[2].removesuffix(")"))
-            about = _at(properties_text(inside, _SHORT))
+            about = properties_text(inside, _SHORT)
         what = what or self.vocabulary.get(cls)
         return shown(what or words(node.name), LONGEST) + (f" ({shown(about, LONGEST)})" if about else "")
-
-
-def _at(about: str) -> str:
-    """Write relations to a thing in words: ``to in_front_of(cup1) with gripper`` becomes ``in front of cup1``."""
-    return _RELATION.sub(lambda found: f"{found[1].replace('_', ' ')} {found[2]}", about)
 
 
 def duration(node: TaskNode) -> str:

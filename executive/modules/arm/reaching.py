@@ -77,6 +77,9 @@ class HandReaching(HandWork):
         arms = self._arms(action)
         if not arms:
             raise ActionUnresolvable("the robot has no arm that this action may use", designator=str(action))
+        if self.platform.scene.arms.mates(arms[0].name) and self._is_for_person(action):
+            await self._hold_out_together(arms[0], location)
+            return
         arms = [arm for arm in arms if not self.platform.scene.arms.mates(arm.name)]
         if not arms:
             raise ActionUnresolvable(
@@ -130,6 +133,13 @@ class HandReaching(HandWork):
         return location is not None and any(
             scene.bodies.is_person(scene.bodies.bind(one)) for one in location.objects()
         )
+
+    async def _hold_out_together(self, arm: ArmModel, location: Location) -> None:
+        """Hold out what an arm holds together with another one, where a person takes it."""
+        held = self.platform.scene.arms.held(arm.name)
+        assert held is not None
+        what = self.platform.scene.bodies.designator(held.name)
+        await perform(action("CarryingWhileLocomoting", object_acted_on=what, to_location=location))
 
     async def _look_first(self, location: Location) -> None:
         for what in filter(self.platform.sensing.must_look, location.objects()):

@@ -38,7 +38,8 @@ TRIED = SUPPORTS * PLACES
 class SettingAside(HandWork):
     """Puts a held object down on furniture near the robot and leaves it.
 
-    With ``by_another_grip``, the current grip is ruled out for the next grasp of the object.
+    With ``by_another_grip``, the current grip is ruled out for the next grasp of the object. It is put where it is in
+    no way of a door or drawer, and of a hand at its handle, that is stated as ``out_of_the_way_of``.
     """
 
     name = "setting_aside"

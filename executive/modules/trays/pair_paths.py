@@ -241,14 +241,20 @@ class PairPaths:
         return np.asarray(product(self.pair.tips(q)[0], inverse(self.held_tips(name)[0])))
 
     def shifted(self, name: str, shift: Array) -> Array:
-        """Plan a joint path (k, n) that shifts a held object by (3,) in the base's frame, as far as it is free."""
+        """Plan a joint path (k, n) that shifts a held object by (3,) in the base's frame, as far as it is free.
+
+        What the arms alone do not raise or lower all the way, the torso does as far as it goes.
+        """
         start = self.now()
         here = self.pose_of(name, start)
         there = here.copy()
         there[:3, 3] += shift
         poses = _steps(here, there)
         targets = product(poses[:, None], self.held_tips(name))
-        return self._as_far_as_free(targets)
+        path = self._as_far_as_free(targets)
+        if len(path) <= len(targets) and shift[2]:
+            path = max(path, self._as_far_as_free(targets, raised=float(shift[2])), key=len)
+        return path
 
     def places(
         self, name: str, poses: Sequence[Pose], bases: Callable[[Pose], Iterable[BasePose]]
@@ -308,10 +314,14 @@ class PairPaths:
             there[k, :3, 3] -= LIFT * (here[k, :3, :3] @ np.asarray(arm.frame.approach))
         return self._as_far_as_free(between(here, there), name)
 
-    def _as_far_as_free(self, targets: Array, touches: str | None = None) -> Array:
-        """Follow poses of both tips (k, 2, 4, 4) from here, up to a collision; fingers may touch a body."""
+    def _as_far_as_free(self, targets: Array, touches: str | None = None, raised: float = 0.0) -> Array:
+        """Follow poses of both tips (k, 2, 4, 4) from here, up to a collision; fingers may touch a body.
+
+        The torso lifts the arms by ``raised`` [m] on the way.
+        """
         start, base = self.now(), self.control.base()
-        torsos = np.full((1, len(targets)), self._torso(start))
+        here = self._torso(start)
+        torsos = np.linspace(here, self.pair.raised(here, raised) if raised else here, len(targets) + 1)[None, 1:]
         rows, reached = self.pair.along(targets[None], start[None], torsos)
         kept = [start]
         for row in rows[0][: reached[0]]:

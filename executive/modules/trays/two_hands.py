@@ -10,14 +10,14 @@ import math
 from collections.abc import AsyncIterator, Awaitable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
-from itertools import chain, combinations
+from itertools import chain, combinations, islice
 
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
 from executive.locations.rejections import Rejections
 from executive.modules.arm.hand_work import HandWork
-from executive.modules.runner import Skill, each
+from executive.modules.runner import Skill, each, nothing
 from executive.modules.trays.pair_paths import LIFT, PairGrasp, PairPaths, PairPlace
 from executive.motion import MotionError
 from executive.robots.arm_pair import ArmPair
@@ -42,11 +42,14 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import apart
 from planlang.language.process_module import process_module
 from planlang.protocols import Group, GroupKind
+from sim.people import LOW
 
 NEAR = 1.5
 """Distance within which the current base pose is tried first [m]."""
 MOST_SPOTS, APART = 32, 0.12
 """Most poses for putting an object down, and their least difference [m, rad]."""
+MOST_STANDS = 4
+"""Most base poses from which to hold an object out."""
 LOOKED_AT = 4000
 """Samples from which to choose these poses."""
 SAME = 0.05
@@ -261,11 +264,18 @@ class TwoHands(HandWork):
         return PairPaths(platform, ArmPair((arms[0], arms[1]), platform.world.configuration().joints))
 
     async def _bring(self, name: str, what: Object, action: Action) -> None:
-        """Carry the held object to where ``to_location`` is in reach; lower it there unless that is not asked for."""
+        """Carry the held object to where ``to_location`` is in reach; lower it there unless that is not asked for.
+
+        To a person it is held out.
+        """
         paths, where = self._holding(name), action.get("to_location")
         if not isinstance(where, (Object, Location)):
             raise ActionUnresolvable("state where to carry the object as to_location", designator=str(action))
         location, tried, here = resting_on(where), list[BasePose](), self.platform.base
+        bodies = self.platform.scene.bodies
+        person = next(filter(bodies.is_person, map(bodies.bind, location.objects())), None)
+        if person is not None:
+            return await self._hold_out(paths, name, person)
 
         async def lower(place: PairPlace) -> None:
             if "CarryingWhileLocomoting" not in self.platform.ancestors(action.type):
@@ -307,6 +317,25 @@ class TwoHands(HandWork):
             failures=(ManipulationPoseUnreachable, NavigationFailure),
             otherwise=partial(self._nowhere, name, [paths], "put down"),
         ).run()
+
+    async def _hold_out(self, paths: PairPaths, name: str, person: str) -> None:
+        """Drive to where a person takes the held object as the hands have it, raised as far as that needs."""
+        zone = self.platform.scene.bodies.zone(person)
+        shoulder = zone.shoulders[0][2]
+
+        def bases() -> Iterator[BasePose]:
+            here, standing = Pose.from_matrix(paths.pose_of(name, paths.now())), self.platform.standing()
+            (x, y, height), yaw = here.position, zone.heading + math.pi + here.yaw
+            held = Pose.planar(x, y, here.yaw)
+            for to_x, to_y, _ in zone.points((height - shoulder,)).tolist():
+                yield from standing.with_thing_at([held], Pose.planar(to_x, to_y, yaw))
+
+        for rise in (-math.inf, *sorted(LOW)):
+            await self._rise(paths, name, shoulder + rise - LIFT)
+            if found := list(islice(bases(), MOST_STANDS)):
+                await Skill(partial(iter, found), nothing, self.drive, failures=(NavigationFailure,)).run()
+                return
+        raise await self._nowhere(name, [paths], f"hold out to {person}", None, 0)
 
     def _before(self, paths: PairPaths, name: str, tried: Sequence[BasePose], pose: Pose) -> Iterator[BasePose]:
         """Yield free base poses before a put-down pose, those first from which the object is only extended outwards."""

@@ -5,11 +5,15 @@ from __future__ import annotations
 from contextlib import ExitStack
 from pathlib import Path
 
+import numpy as np
+import pytest
+
 import planlang
 from planlang import Recovery, SimulationHost, perform, put_down_first, run
 from planlang.designators import action
 from planlang.failures import HandsFull
 from planlang.geometry import Pose
+from planlang.geometry.areas import Block
 from tests.executive.conftest import BOTTLE, Stage, hold_bottle
 from tests.support.leaves import drawn, room, thing
 
@@ -42,3 +46,24 @@ def test_a_drawer_is_opened_by_full_hands_once_one_has_put_down_what_it_held() -
         )
         assert stage.platform.belief.joints["leaf"].is_open(stage.truth.joint("leaf"))
         assert len(stage.belief.held) == 1
+
+
+@pytest.mark.parametrize("is_stated", [True, False])
+def test_what_is_put_down_for_a_drawer_is_in_no_way_of_that(stack: ExitStack, is_stated: bool) -> None:
+    facing = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
+    things = (
+        thing("table", "Table-PieceOfFurniture", Pose((0.95, 0.0, 0.35)), (0.8, 1.2, 0.7)),
+        thing("case", "Cupboard", Pose((1.1, 0.0, 0.82)) @ facing, (0.4, 0.9, 0.24), "leaf"),
+        thing("leaf", "Drawer", Pose((1.05, 0.0, 0.82)) @ facing, (0.3, 0.88, 0.22), "grip"),
+        thing("grip", "Handle", Pose((0.86, 0.0, 0.82)) @ facing, (0.012, 0.14, 0.012)),
+        thing("can", "TinCan", Pose((-2.0, 1.0, 0.06)), (0.07, 0.07, 0.12)),
+    )
+    furnished = room(stack, things)
+    stage = Stage(furnished.truth, furnished.platform, furnished.executive)
+    hold_bottle(stage, "right", name="can")
+    what, leaf = furnished.designator("can"), furnished.designator("leaf")
+    stated = {"out_of_the_way_of": leaf} if is_stated else {}
+    stage.run(lambda: perform(action("SettingAsideAnObject", object_acted_on=what, **stated)))
+    drawn_out = Block.of(Pose((0.75, 0.0, 0.82)), (0.3, 0.88, 0.24))
+    away = drawn_out.away(np.array(stage.truth.pose("can").position))
+    assert (away > 0.0) == is_stated, stage.truth.pose("can")

@@ -12,7 +12,7 @@ import pytest
 from executive.robots import Robot, bind_robot
 from executive.robots.arms import ArmModel
 from planlang import perform
-from planlang.designators import a_location, action, an_object
+from planlang.designators import a_location, a_person, action, an_object
 from planlang.failures import ActionUnresolvable, HandsLacking, LocationUnresolvable, ObjectLost, TooHeavy
 from planlang.geometry import Pose
 from planlang.ontology import Ontology
@@ -29,6 +29,7 @@ TRAY = Body(
     largest_tilt=math.radians(15), mass=0.8,
 )  # fmt: skip
 CUP = Body("cup", Pose((1.2, 0.06, 0.791)), (0.07, 0.07, 0.09), "cylinder", type="Cup", movable=True, mass=0.25)
+GUEST = Body("guest", Pose((-1.5, 0.0, 0.85)), (0.3, 0.5, 1.7), "person", type="Person")
 THE_TRAY, THE_OTHER = an_object("Tray", PLACE + "tray"), an_object("KitchenTable", PLACE + "other")
 TAKE = action("PickingUpAnObject", object_acted_on=THE_TRAY)
 Limbs = tuple[tuple[ArmModel, ...], object]
@@ -127,6 +128,20 @@ def test_what_two_hands_hold_is_set_aside_by_both(stage_of: MakeStage) -> None:
     taken(stage)
     set_aside(stage)
     assert (at_rest_on(stage.truth, "tray"), at_rest_on(stage.truth, "cup")) == ("table", "tray")
+    assert not stage.belief.held
+
+
+def test_a_tray_is_held_out_by_both_hands_and_a_person_takes_it_with_the_cup_on_it(stage_of: MakeStage) -> None:
+    stage = stage_of(TABLE, GUEST, TRAY, CUP)
+    taken(stage)
+    guest = a_person("Person", PLACE + "guest")
+
+    async def serve() -> None:
+        await perform(action("Reaching", to_location=a_location(in_reach_of=guest)))
+        await perform(action("HandingOverAnObject", object_acted_on=THE_TRAY, recipient=guest))
+
+    stage.run(serve)
+    assert (held_by(stage.truth, "tray"), stage.truth.support("cup")) == ("guest", "tray")
     assert not stage.belief.held
 
 

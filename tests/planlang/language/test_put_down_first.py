@@ -30,6 +30,8 @@ async def serve():
 """
 PUT = '    await perform(action("OpeningAGripper", object_acted_on={}))'
 
+ASIDE = "SettingAsideAnObject(object_acted_on={}, out_of_the_way_of=drawer1)"
+
 
 def opened(failure: PlanFailure, *later: str) -> PlanRun:
     """Run a plan whose opening of a drawer fails once, with further steps after it."""
@@ -52,17 +54,17 @@ def test_what_the_remaining_steps_need_last_is_put_down_and_the_body_runs_again(
 ) -> None:
     run = opened(full(CUP, CAN), *map(PUT.format, later))
     assert run.failure is None
-    assert aside(run) == [f"SettingAsideAnObject(object_acted_on={down})"]
+    assert aside(run) == [ASIDE.format(down)]
     assert run.attempts("OpeningAContainerArtifact") == 2
 
 
 def test_of_things_that_no_step_needs_the_one_held_for_longest_is_put_down() -> None:
-    assert aside(opened(full(CAN, CUP))) == ["SettingAsideAnObject(object_acted_on=cup1)"]
+    assert aside(opened(full(CAN, CUP))) == [ASIDE.format("cup1")]
 
 
 def test_what_no_hand_is_known_to_hold_is_put_down_after_the_others() -> None:
     tray = an_object("Tray", KITCHEN + "tray1")
-    assert aside(opened(full(tray, CUP))) == ["SettingAsideAnObject(object_acted_on=cup1)"]
+    assert aside(opened(full(tray, CUP))) == [ASIDE.format("cup1")]
 
 
 def test_a_failure_with_another_reason_propagates() -> None:

@@ -132,6 +132,10 @@ def test_relations_of_an_action_are_told_in_words() -> None:
     asked = "Reaching(object_acted_on=tall_cup1, to_location=in_front_of(tall_cup1) with gripper)"
     node = TaskNode("Reaching", "perform", None, parameters={"action": asked})
     assert Wording().of(node) == "reaching (tall_cup1, in front of tall_cup1)"
+    assert text_of(node) == "object acted on tall_cup1, in front of tall_cup1"
+    asked = "PuttingDown(object_acted_on=cup1, to_location=in_(cupboard1))"
+    node = TaskNode("PuttingDown", "perform", None, parameters={"action": asked})
+    assert Wording().of(node) == "putting down (cup1, in cupboard1)"
     asked = "HandOver(constrained_by=(Upright, Level), device_used=left, object_acted_on=cup1, recipient=child1)"
     node = TaskNode("HandOver", "perform", None, parameters={"action": asked})
     assert Wording().of(node) == "hand over (with left, cup1, to child1)"
