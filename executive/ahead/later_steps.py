@@ -10,7 +10,7 @@ from planlang.designators import Action, Location, Object, a_location
 from planlang.language.performing import actions_around
 from planlang.language.remaining import remaining_actions
 from planlang.relations.demands import ReachKind
-from sim.joints import Articulation
+from sim.joints import Articulation, JointKind
 
 
 def reached_through(joint: Articulation, scene: PlanningScene) -> Location | None:
@@ -18,7 +18,11 @@ def reached_through(joint: Articulation, scene: PlanningScene) -> Location | Non
 
     The steps are those in progress and those that remain of the plan.
     """
-    supposed = scene.supposing(scene.belief.with_leaf(joint.leaf, 0.0))  # so that nothing is bound for good
+    doors = beside(joint, scene)
+    supposed = scene
+    for one in doors:
+        supposed = supposed.supposing(supposed.belief.with_leaf(one.leaf, 0.0))  # so that nothing is bound for good
+    leaves = {one.leaf for one in doors}
     for each in _steps():
         what = each.get("object_acted_on")
         name = supposed.bodies.known(what) if isinstance(what, Object) else None
@@ -30,9 +34,17 @@ def reached_through(joint: Articulation, scene: PlanningScene) -> Location | Non
                 is_inside = put is not None and put.kind is ReachKind.PLACE and put.inside
                 if put is not None and is_inside and put.body in (*joint.bodies, joint.holder):
                     return a_location(in_reach_of=goal)
-        elif supposed.bodies.is_graspable(name) and supposed.bodies.closed_before(name) == joint.leaf:
+        elif supposed.bodies.is_graspable(name) and supposed.bodies.closed_before(name) in leaves:
             return a_location(in_reach_of=what)
     return None
+
+
+def beside(joint: Articulation, scene: PlanningScene) -> tuple[Articulation, ...]:
+    """List a leaf, and the other doors of its furniture: of two side by side, either may narrow the way in."""
+    if joint.kind is JointKind.PRISMATIC or joint.holder is None:
+        return (joint,)
+    others = (one for one in scene.belief.joints.values() if one.holder == joint.holder and one.leaf != joint.leaf)
+    return (joint, *(one for one in others if one.kind is JointKind.HINGED and not one.is_knob))
 
 
 def fetched_beside(name: str, scene: PlanningScene) -> Object | None:

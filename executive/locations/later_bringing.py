@@ -38,12 +38,13 @@ def _asked_about(
         use = use_at(goal, body, held, held.base()[:2])
         if use is not None and not use.inside:
             yield f"then not {_brought(use)}", a_location(in_reach_of=goal), held
+    gone = scene.supposing(scene.belief.state.placed({body: None}))  # it may stand before the others until it is taken
     for what in dict.fromkeys(one for step in steps if isinstance(one := step.get("object_acted_on"), Object)):
         name = scene.bodies.known(what)
         if name is None or name == body or not scene.bodies.is_graspable(name) or scene.bodies.is_held(name):
             continue
         if goals_of(name, steps, scene) and scene.bodies.closed_before(name) is None:
-            yield f"then {name}, which is to be brought, could not", a_location(in_reach_of=what), scene
+            yield f"then {name}, which is to be brought, could not", a_location(in_reach_of=what), gone
 
 
 def _brought(use: Reach) -> str:

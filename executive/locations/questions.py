@@ -63,6 +63,9 @@ MOST_SOLVED = 12_000
 EASY, EASY_CHECKS, EASY_SOLVED = 3, 100, 4_000
 """Number of budgets with which to test whether a change of the map would help, and these numbers for all changes."""
 
+PART = 4
+"""Number of changes for which these are enough at least: what one leaves is for the others."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreeHands:
@@ -89,6 +92,10 @@ class Allowance:
     def is_spent(self) -> bool:
         """Whether nothing more can be validated."""
         return self.checks <= 0 or self.solved <= 0
+
+    def part(self) -> Allowance:
+        """Return the part of it that one of several searches may use: what is left, but no more than a share."""
+        return Allowance(min(self.checks, EASY_CHECKS // PART), min(self.solved, EASY_SOLVED // PART))
 
     def grant(self, checks: int, solved: int) -> None:
         """Raise what is left to at least these numbers."""

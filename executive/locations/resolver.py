@@ -185,7 +185,7 @@ class Resolver:
             words = excluding.words.replace("not not ", "")
             question.log.figures = {unmet(excluding): f"without {words!r} there would be a place"}
             raise question.log.failure(location)
-        is_feasible = None if found else partial(self._is_feasible, location, findings)
+        is_feasible = None if found else partial(self._is_feasible, location, findings, shares=True)
         meant = bodies_meant(location, actions_around(), scene)
         own = Findings(Allowance(EASY_CHECKS, EASY_SOLVED), walled=question.known.walled)
         once_moved = None if found else partial(self._is_feasible, location, own)
@@ -219,20 +219,32 @@ class Resolver:
         return Question(log)
 
     def _is_feasible(
-        self, location: Location, common: Findings, scene: PlanningScene, *, blind: bool = False
+        self,
+        location: Location,
+        common: Findings,
+        scene: PlanningScene,
+        *,
+        blind: bool = False,
+        shares: bool = False,
     ) -> bool | None:
         """Check quickly whether a location has a base pose in a scene that is supposed; ``blind``: without sight.
 
         ``common`` has what all these searches share: exact checks that are left, and whether the floor is walled.
-        None if these checks ended before it was known.
+        With ``shares`` this search gets no more than a part of them. None if its checks ended before it was known.
         """
-        if common.allowance.is_spent:
+        left = common.allowance
+        if left.is_spent:
             return None
         demand = base_demand(location, scene, self._viewer(location))
         validator = self.supposing(scene)._validator
-        if _first_base(validator, (validator.blind(demand) if blind else None) or demand, common) is not None:
+        granted = left.part() if shares else left
+        own = Findings(replace(granted), walled=common.walled)
+        found = _first_base(validator, (validator.blind(demand) if blind else None) or demand, own)
+        left.checks -= granted.checks - own.allowance.checks
+        left.solved -= granted.solved - own.allowance.solved
+        if found is not None:
             return True
-        return None if common.allowance.is_spent else False
+        return None if own.allowance.is_spent else False
 
     def _lacking_later(self, location: Location, common: Findings, scene: PlanningScene) -> str:
         """Say what of the remaining task has no way in a scene that is supposed, once a location there is reached.

@@ -59,6 +59,8 @@ AT_FACE = 0.03
 """A door within this distance of a face of its furniture closes that face [m]."""
 AT_JAMB = 0.02
 """Distance from the wall at which the handle of a sliding door stops [m]."""
+MIDWAY = 1e-3
+"""A handle this near to the middle of a leaf is opposite none of its edges [m]."""
 AT_EDGE = 0.05
 """A hinge within this distance of an edge of the door belongs to that edge [m]."""
 
@@ -151,7 +153,7 @@ class _Reader:
             leaf.slide = -math.copysign(1.0, aside) * leaf.across
             joint = self._stated(leaf, JointKind.PRISMATIC) or self._sliding(leaf, leaf.slide, handles)
         else:
-            if abs(aside) <= 1e-3 and not any(iri in self.things and self.things[iri].pose for iri in joints):
+            if abs(aside) <= MIDWAY and not any(iri in self.things and self.things[iri].pose for iri in joints):
                 self.notes.append(unknown_hinge(body, thing))
             joint = self._stated(leaf, JointKind.HINGED) or self._hinged(leaf)
         others = tuple(handle.name for handle in handles[1:])
@@ -202,8 +204,9 @@ class _Reader:
         return self._joint(leaf, JointKind.HINGED, (x, y, z), np.cross(leaf.outwards, to_hinge), 0.0, OPENED)
 
     def _back_of_lid(self, leaf: _Leaf, to_handle: Array | None) -> Array:
-        """Direction of a lid's hinge: opposite its handle, else towards the back of its furniture (-x)."""
-        backwards = -leaf.holder.pose.rotation[:, 0] if to_handle is None else -to_handle
+        """Direction of a lid's hinge: opposite its handle, or the back of its furniture (-x) if that is midway."""
+        aside = np.zeros(3) if to_handle is None else to_handle - float(to_handle @ leaf.outwards) * leaf.outwards
+        backwards = -aside if float(np.linalg.norm(aside)) > MIDWAY else -leaf.holder.pose.rotation[:, 0]
         edges = [sign * edge for edge in (leaf.up, leaf.across) for sign in (1.0, -1.0)]
         return np.asarray(max(edges, key=lambda edge: round(float(edge @ backwards), 9)))
 
@@ -220,7 +223,7 @@ class _Reader:
 
     def _hinge_side(self, leaf: _Leaf, to_handle: Array | None) -> float:
         """Find the hinged side, 1 or -1 along ``across``: opposite the handle, at a placed hinge, or the outer edge."""
-        if to_handle is not None and abs(float(to_handle @ leaf.across)) > 1e-3:
+        if to_handle is not None and abs(float(to_handle @ leaf.across)) > MIDWAY:
             return -math.copysign(1.0, float(to_handle @ leaf.across))
         edges = {
             side: np.array(leaf.body.pose.position) + side * leaf.half(leaf.across) * leaf.across

@@ -71,7 +71,7 @@ def _applied(words: Sequence[str], changes: object, folder: Path) -> dict[str, A
     return _run((*words, "--apply", str(folder / "advice.json")), folder / "again")
 
 
-_TRIED = re.compile(r"would help \(tried: (.*?)\)")
+_TRIED = re.compile(r"\(tried: (.*?)\)")
 _WITHOUT = re.compile(r"without (.+?)(?= [\w.]+ at x = |$)")
 _STANDS = re.compile(r"([\w.]+) at x = (-?[\d.]+), y = (-?[\d.]+)")
 _STARTED = re.compile(r"started at x = (-?[\d.]+), y = (-?[\d.]+), yaw = (-?[\d.]+)")

@@ -156,6 +156,7 @@ class HandReaching(HandWork):
             raise ManipulationPoseUnreachable("the held object cannot be kept upright there", arm=arm.name, what=name)
         path = partial(self._joint_path, arm, postures[0], touches, name, postures[1:])
         back_off = [partial(self._back_off, arm, name, postures, least) for least in BACKING]
+        with_torso = partial(nothing)
 
         def ways() -> Iterator[Callable[[], Awaitable[None]]]:
             yield nothing
@@ -163,10 +164,12 @@ class HandReaching(HandWork):
             if not all(contacts(base, arm, posture, touches) for posture in postures):
                 yield partial(self._draw_out, arm, name)  # it is the hand that is stuck, and not the goal
             yield from back_off
+            if arm.standing is not None:
+                yield with_torso  # without room to back off, a slow one may clear the way
 
         await Skill(
             ways,
-            lambda way: path(ITERATIONS if way is back_off[-1] else FEW),
+            lambda way: path(ITERATIONS if way in (back_off[-1], with_torso) else FEW),
             approach=lambda way: way(),
         ).run()
 

@@ -13,7 +13,7 @@ from itertools import product
 
 import numpy as np
 
-from executive.ahead.later_steps import reached_through
+from executive.ahead.later_steps import beside, reached_through
 from executive.locations.headroom import way_out
 from executive.locations.rejections import NO_WAY
 from executive.locations.shut_ways import behind_doors, open_wide
@@ -82,6 +82,10 @@ class LeafWork(HandWork):
         self._joint, self._paths, self._home = joint, LeafPaths(platform.scene, joint), platform.base()
         self._later: Location | None = None
         """Where the base stands for the next step that reaches through the leaf while that is open."""
+        self._beside: tuple[Articulation, ...] = ()
+        """Doors beside it that have to be opened as far as they go for that, too."""
+        self._in_doubt = False
+        """Whether no way in was found, however far they are open."""
 
     async def open(self) -> None:
         """Open the leaf; a door between rooms so far that the base drives past it, if it can be opened so far.
@@ -202,21 +206,37 @@ class LeafWork(HandWork):
         return self.platform.scene.belief.with_leaf(self._joint.leaf, float(value))
 
     def _is_wide_enough(self, state: WorldState) -> bool:
-        """Check whether the next step that reaches through the leaf could do so in a state, if it ever could."""
-        reaches = self.platform.ahead.reaches
-        if self._later is None or reaches(self._later, state):
+        """Check whether the next step that reaches through the leaf could do so in a state, if it ever could.
+
+        If it could not however far the leaf is open, then with the doors beside it opened as far as they go, too.
+        """
+        if self._is_reached_through(state):
             return True
-        if not reaches(self._later, self._moved(self._joint.upper)):
-            self._later = None  # however far it is open: nothing more is asked
-        return self._later is None
+        widest = self._moved(self._joint.upper)
+        if not self._is_reached_through(widest):
+            self._beside = beside(self._joint, self.platform.scene)[1:]
+            if not self._beside or not self._is_reached_through(widest):
+                self._later, self._in_doubt = None, True  # nothing more is asked
+        return self._is_reached_through(state)
+
+    def _is_reached_through(self, state: WorldState) -> bool:
+        """Check whether the next step that reaches through the leaf, if there is one, could do so in a state."""
+        if self._later is None:
+            return True
+        for one in self._beside:
+            state = self.platform.scene.supposing(state).belief.with_leaf(one.leaf, one.upper)
+        return self.platform.ahead.reaches(self._later, state)
 
     def _should_be_wider(self) -> bool:
-        """Check whether the next step reaches through the leaf only if that is opened further."""
+        """Check whether the next step reaches through the leaf only if that is opened further.
+
+        Also if no way was found for it: the step itself looks for one more thoroughly, and has the most room then.
+        """
         options, decision = (self._value(), self._joint.upper), f"how far to open {self._joint.leaf}"
         if options[0] > AT_ITS_END * options[1]:
             return False
         wide = self.platform.ahead.first(decision, options, lambda one: self._is_wide_enough(self._moved(one)))
-        return next(wide) > options[0]
+        return next(wide) > options[0] or self._in_doubt
 
     async def _approach(self, path: LeafPath) -> None:
         """Drive to the path's base pose, look at the leaf, and bring the open hand to the handle."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Awaitable, Callable, Iterable, Iterator
 from contextlib import ExitStack
 from typing import Any
 
@@ -11,6 +11,7 @@ import pytest
 from executive.ahead import foresight
 from executive.ahead.foresight import MOST_QUESTIONS, Foresight
 from executive.ahead.later_steps import reached_through
+from executive.maps import MapObject
 from planlang import SimulationHost, perform, run
 from planlang.designators import Action, a_location, action
 from planlang.failures import LocationUnresolvable
@@ -19,6 +20,8 @@ from planlang.kernel import checkpoint
 from tests.support.leaves import Room, room, thing
 
 FRONT = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))
+CAN = thing("can", "TinCan", Pose((1.04, -0.3, 0.26)), (0.07, 0.07, 0.1))
+"""A can at the back of a cupboard, to the right."""
 
 
 def chest(stack: ExitStack) -> Room:
@@ -101,22 +104,28 @@ def test_an_answer_is_kept_and_with_the_budget_spent_nothing_is_searched(
     assert ahead.reaches(where, belief.with_leaf("leaf", 0.0)), "as nothing more is searched"
 
 
-def later(stage: Room, *around: Action) -> str:
-    """Return where the base stands for the next step through the drawer, inside these actions."""
+def later(stage: Room, *around: Action, leaf: str = "leaf") -> str:
+    """Return where the base stands for the next step through a drawer or door, inside these actions."""
     found = list[str]()
 
     async def ask() -> None:
-        found.append(str(reached_through(stage.platform.belief.joints["leaf"], stage.platform.scene)))
+        found.append(str(reached_through(stage.platform.belief.joints[leaf], stage.platform.scene)))
         await checkpoint()
 
-    async def plan() -> None:
-        body = ask
-        for each in reversed(around):
-            body = (lambda act, inner: lambda: perform(act, otherwise=inner))(each, body)
-        await body()
-
-    run(plan, host=SimulationHost(stage.truth), executive=stage.executive)
+    inside(stage, ask, *around)
     return found[0]
+
+
+def inside(stage: Room, body: Callable[[], Awaitable[Any]], *around: Action) -> None:
+    """Run something as what these actions do, the first of them outermost."""
+
+    async def plan() -> None:
+        inner = body
+        for each in reversed(around):
+            inner = (lambda act, further: lambda: perform(act, otherwise=further))(each, inner)
+        await inner()
+
+    run(plan, host=SimulationHost(stage.truth), executive=stage.executive, max_steps=30_000)
 
 
 def test_a_step_that_takes_something_out_of_a_drawer_reaches_through_it(stack: ExitStack) -> None:
@@ -125,3 +134,33 @@ def test_a_step_that_takes_something_out_of_a_drawer_reaches_through_it(stack: E
     assert later(stage, action("FetchingAnObject", object_acted_on=can)) == "in_reach_of(can)"
     assert later(stage, action("FetchingAnObject", object_acted_on=case)) == "None"
     assert later(stage) == "None"
+
+
+def cupboard(*things: MapObject) -> tuple[MapObject, ...]:
+    """A cupboard with two doors, its front at x = 0.6, and things in it."""
+    doors = [
+        part
+        for name, side in (("left", 1.0), ("right", -1.0))
+        for part in (
+            thing(name, "Door", Pose((0.59, 0.201 * side, 0.6)) @ FRONT, (0.02, 0.4, 0.8), f"grip_{name}"),
+            thing(f"grip_{name}", "Handle", Pose((0.545, 0.05 * side, 0.7)) @ FRONT, (0.012, 0.012, 0.2)),
+        )
+    ]
+    case = thing("case", "Cupboard", Pose((0.85, 0.0, 0.6)) @ FRONT, (0.5, 0.82, 0.84), "left", "right")
+    return (case, *doors, *things)
+
+
+def test_a_step_reaches_through_either_door_of_the_cupboard_that_something_is_in(stack: ExitStack) -> None:
+    stage = room(stack, cupboard(CAN))
+    fetching = action("FetchingAnObject", object_acted_on=stage.designator("can"))
+    for leaf in ("left", "right"):
+        assert later(stage, fetching, leaf=leaf) == "in_reach_of(can)"
+
+
+def test_a_door_is_opened_as_far_as_it_goes_where_no_way_in_was_found(stack: ExitStack) -> None:
+    wall = thing("wall", "Wall-GenericBarrier", Pose((-0.55, 0.0, 1.0)), (0.1, 3.2, 2.0))
+    stage = room(stack, cupboard(wall, CAN), start=(0.1, -1.8, 1.57))
+    fetching = action("FetchingAnObject", object_acted_on=stage.designator("can"))
+    opening = action("OpeningAContainerArtifact", object_acted_on=stage.designator("right"))
+    inside(stage, lambda: perform(opening), fetching)
+    assert stage.truth.joint("right") == pytest.approx(1.57, abs=0.1)

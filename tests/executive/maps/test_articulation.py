@@ -181,6 +181,24 @@ def test_a_lid_turns_up_at_the_back_of_its_box(map_of: Read, thing: Write, seen:
     assert (joint.motion(1.0) @ Pose((0.2, 0.0, 0.3))).position[2] > 0.5
 
 
+@pytest.mark.parametrize(("x", "hinge"), [(0.0, -0.2), (0.15, -0.2), (-0.15, 0.2)])
+def test_a_lid_hinges_opposite_its_handle_or_at_the_back_if_that_is_in_the_middle(
+    map_of: Read, thing: Write, seen: Write, x: float, hinge: float
+) -> None:
+    joint = only(
+        map_of(
+            thing("box1", "Box-Container", (0.4, 0.4, 0.3), "properPhysicalParts lid1"),
+            thing("lid1", "ContainerLid", (0.4, 0.4, 0.02), "properPhysicalParts knob1"),
+            thing("knob1", "ControlKnob", (0.03, 0.03, 0.03)),
+            seen("box1", (0, 0, 0.15)),
+            seen("lid1", (0, 0, 0.31)),
+            seen("knob1", (x, 0, 0.335)),
+        )
+    )
+    assert joint.point == pytest.approx((hinge, 0.0, 0.31))
+    assert (joint.motion(1.0) @ Pose((0.0, 0.0, 0.31))).position[2] > 0.4
+
+
 @pytest.fixture
 def shelf(map_of: Read, thing: Write, seen: Write) -> SemanticMap:
     """A cabinet with a bottle behind its door and one in an open compartment; a drawer with a cup in it."""

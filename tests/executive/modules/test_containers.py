@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
@@ -52,6 +53,38 @@ def test_a_leaf_is_opened_and_closed_again_by_its_handle(stack: ExitStack, robot
     stage.do(CLOSE, "case")
     assert stage.truth.joint("leaf") < np.radians(3.0)
     assert stage.executive.holds(Condition("closed", (stage.designator("case"),)))
+
+
+def oven() -> tuple[MapObject, ...]:
+    """An oven at the height of a counter, whose flap has its hinge at the bottom."""
+    back = (0.0, 0.0, 1.0, 0.0)
+    case = thing("case", "Oven", Pose((0.9, 0.0, 0.9), back), (0.6, 0.6, 0.5), "leaf")
+    leaf = thing("leaf", "Door", Pose((0.59, 0.0, 0.85), back), (0.02, 0.56, 0.35), "grip")
+    return (case, leaf, thing("grip", "Handle", Pose((0.54, 0.0, 0.985), back), (0.015, 0.4, 0.015)))
+
+
+def box() -> tuple[MapObject, ...]:
+    """A box on a table, with a knob in the middle of its lid, which has its hinge at the back."""
+    back = (0.0, 0.0, 1.0, 0.0)
+    table = thing("table", "KitchenTable", Pose((0.9, 0.0, 0.35), back), (0.6, 1.2, 0.7))
+    case = thing("case", "Box-Container", Pose((0.8, 0.0, 0.77), back), (0.24, 0.24, 0.14), "leaf")
+    lid = thing("leaf", "ContainerLid", Pose((0.8, 0.0, 0.845), back), (0.24, 0.24, 0.01), "grip")
+    return (table, case, lid, thing("grip", "ControlKnob", Pose((0.8, 0.0, 0.865), back), (0.03, 0.03, 0.03)))
+
+
+@pytest.mark.parametrize(("things", "up"), some([(oven, -1.0), (box, 1.0)], every=2))
+def test_a_flap_and_a_lid_turn_about_a_level_hinge_and_are_closed_again(
+    stack: ExitStack, things: Callable[[], tuple[MapObject, ...]], up: float
+) -> None:
+    stage = room(stack, things())
+    joint = stage.platform.belief.joints["leaf"]
+    assert joint.axis == pytest.approx((0.0, up, 0.0))
+    closed = stage.truth.pose("leaf").position[2]
+    stage.do(OPEN, "leaf")
+    assert joint.is_open(stage.truth.joint("leaf"))
+    assert up * (stage.truth.pose("leaf").position[2] - closed) > 0.05
+    stage.do(CLOSE, "leaf")
+    assert joint.is_shut(stage.truth.joint("leaf"))
 
 
 @pytest.mark.long
