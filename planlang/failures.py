@@ -336,8 +336,7 @@ class LocationUnresolvable(DesignatorFailure):
 class BehindClosedDoor(LocationUnresolvable):
     """The target ``what`` is behind a ``door`` that is not open far enough, or in a closed drawer.
 
-    ``further`` are the other closed doors on the way there. ``beyond``: base poses on the other sides of those between
-    rooms that are shut, which belong shut again afterwards.
+    ``further``: other closed doors on the way. ``beyond``: base poses behind shut ones of rooms, to close again from.
     """
 
     what: str | None = field(default=None, kw_only=True)

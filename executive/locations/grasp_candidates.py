@@ -197,8 +197,8 @@ def grasping(
 
     They grip the middle, or higher if the ``palm``, given by corners in the tip's frame, would touch the body; where
     that is above its top, nearer to the hand instead: long boxes are gripped at their end. If the body does not fit as
-    far as that between the open fingers, whose ``gaps`` are those of :attr:`Openings.widest_gaps`, hands from above
-    grip it with their tips.
+    far as that between the open fingers, whose ``gaps`` are those of :attr:`Openings.widest_gaps`, hands grip it with
+    their tips: those from above higher, level ones nearer to its side.
     """
     grasps, yaws, rolls, weights, spans = [], [], [], [], []
     level = 1.0 if block.centre[2] - block.low >= FOREARM else OVER_EDGE
@@ -293,16 +293,19 @@ def _clear_of(
 def _by_the_tips(
     block: Block, spans: Array, moves: Array, directions: Array, gaps: tuple[float, ...]
 ) -> tuple[Array, Array]:
-    """Compute how much higher (n, 3) than ``moves`` hands from above grip, so that no open finger penetrates a block.
+    """Compute by how much more than ``moves`` (n, 3) hands stay off a block, so that no open finger penetrates it.
 
-    Returns these offsets (n, 3) [m], zero where nothing has to or can be done, and the extent of the block behind the
-    new grip points (n,) [m], infinite for unmoved ones.
+    Hands from above grip it higher, level ones nearer to its side, unless they would slip off a round one. Returns
+    these offsets (n, 3) [m], zero where nothing has to or can be done, and the extent of the block behind the new grip
+    points (n,) [m], infinite for unmoved ones.
     """
     deep, steep = depths(spans[:, 0], gaps), -directions[:, 2]
     excess = np.maximum(spans[:, 1] + np.einsum("nk,nk->n", moves, directions) - deep, 0.0)
     rise = np.where(steep > 1e-6, excess / np.maximum(steep, 1e-6), 0.0)
     helps = (rise > 0.0) & (moves[:, 2] + rise <= (block.high - block.low) / 2 - GRIPPED)
-    return np.where(helps, rise, 0.0)[:, None] * UP, np.where(helps, deep, np.inf)
+    drawn = np.where((steep <= 1e-6) & (spans[:, 1] - excess >= GRIPPED) & (not block.round), excess, 0.0)
+    offsets = np.where(helps, rise, 0.0)[:, None] * UP - drawn[:, None] * directions
+    return offsets, np.where(helps | (drawn > 0.0), deep, np.inf)
 
 
 def beside(candidates: GraspCandidates, block: Block, handle: Block, corners: Array) -> GraspCandidates:

@@ -77,13 +77,15 @@ class Drive:
         def roomy(room: Array, checks: float) -> Array:
             return plan_base_path(start, goal, grid, room, touching, resolution=checks)
 
-        def tight(slack: float, checks: float) -> Array:
+        def tight(slack: float, cells: Grid, checks: float) -> Array:
             if not scene.collisions.may_reach(goal):
                 raise NoPath(start, goal, {"exact checks": 0, "attempts": 0})
-            free = scene.collisions.free(scene.collisions.whole(), grid)[SLACKS.index(slack)]
-            return plan_tight_path(start, goal, grid, free, touching, checks, floor.surely_holds)
+            free = scene.collisions.free(scene.collisions.whole(), cells)[SLACKS.index(slack)]
+            return plan_tight_path(start, goal, cells, free, touching, checks, floor.surely_holds)
 
-        plans: list[Callable[[float], Array]] = [partial(roomy, room), partial(tight, -SPARE), partial(tight, 0.0)]
+        # where the only row of cells through a gap touches something, the one between may not
+        grids = [(-SPARE, grid), (0.0, grid), (0.0, grid.between())]
+        plans: list[Callable[[float], Array]] = [partial(roomy, room), *(partial(tight, *one) for one in grids)]
         if scene.space is not None:
             seen = scene.space.room(grid, max(high for _, high, _ in silhouette), radius)
             plans.insert(0, partial(roomy, np.where(seen, room, np.minimum(room, -radius))))

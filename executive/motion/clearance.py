@@ -112,6 +112,11 @@ class Grid:
             raise ValueError(f"no cell of {resolution} m fits between {lower} and {upper}")
         return Grid(lower[0] + resolution / 2, lower[1] + resolution / 2, counts[0], counts[1], resolution)
 
+    def between(self) -> Grid:
+        """The grid whose cell centres are the corners between four cells of this one."""
+        aside = self.resolution / 2
+        return Grid(self.x + aside, self.y + aside, max(1, self.columns - 1), max(1, self.rows - 1), self.resolution)
+
     def centres(self) -> Array:
         """Cell centres (rows, columns, 2) [m]."""
         xs = self.x + self.resolution * np.arange(self.columns)

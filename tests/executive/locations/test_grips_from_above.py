@@ -39,3 +39,17 @@ def test_a_wide_tall_thing_is_gripped_from_above(robot: str, width: float, shape
     assert judged(stage, oracle, answer, location) is None
     stage.close()
     oracle.close()
+
+
+def test_a_jug_nearly_as_wide_as_the_hand_opens_is_gripped_near_its_side() -> None:
+    jug = replace(
+        BOTTLE, pose=Pose((1.1, 0.0, 0.7)), size=(0.1, 0.1, 0.22), shape="box", iri=THE_BOTTLE.iri, wall=0.008
+    )
+    room = Room("a table in an empty room", 0, (replace(ROOM, movable=False), TABLE, jug))
+    location = a_location(in_reach_of=THE_BOTTLE, grasp="side")
+    stage, oracle = Stage(room, robot_of("amigo")), Oracle(room, robot_of("amigo"))
+    answer = stage.ask(location)
+    assert answer.solved, answer.failure
+    assert judged(stage, oracle, answer, location) is None
+    stage.close()
+    oracle.close()

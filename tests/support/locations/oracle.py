@@ -396,8 +396,16 @@ class Oracle:
         approach = grasp[:3, :3] @ np.array(arm.approach)
         closing = grasp[:3, :3] @ np.array(arm.closing)
         off = grasp[:3, 3] - centre
-        if np.hypot(*off[:2]) > 0.011 or not -0.011 < off[2] < body.size[2] / 2:
-            return "the grip point is neither within 1 cm of the middle of what is grasped nor above that"
+        level, towards = abs(float(approach[2])) < 1e-3, max(0.0, -float(off @ approach))
+        inside = (
+            np.abs((body.pose.inverse() @ Pose(tuple(grasp[:3, 3]))).position)[:2]
+            <= np.array(body.size[:2]) / 2 - 0.009
+        )
+        aside = off + towards * approach if level and body.shape == "box" and inside.all() else off
+        if np.hypot(*aside[:2]) > 0.011 or not -0.011 < off[2] < body.size[2] / 2:
+            return (
+                "the grip point is neither within 1 cm of the middle of what is grasped, nor above or before that in it"
+            )
         if np.abs(before[:3, 3] + 0.08 * approach - grasp[:3, 3]).max() > 2e-3:
             return "the pre-grasp is not 8 cm back along the approach"
         rise = lift[:3, 3] - grasp[:3, 3]
