@@ -105,11 +105,30 @@ class _Contents:
 def _rooms(
     body: Body, cavities: Sequence[Cavity], doors: Sequence[Body], parts: Iterable[Body]
 ) -> list[tuple[str, Cavity]]:
-    """Cavities of a body with the name of what opens them: doors, compartments without a door, or the body itself."""
+    """Cavities of a body with the name of what opens them: doors, compartments without a door, or the body itself.
+
+    ``cavities`` are those that the map states, such as between boards, which divide what is behind a door, too.
+    """
     front = face_of(doors[0], body) if doors else (0, 1.0)
-    rooms = [(door.name, room_behind(door, body)) for door in doors]
+    rooms = [(door.name, room) for door in doors for room in _divided(room_behind(door, body), cavities)]
     rooms += [(part.name, _compartment(part, body, *front)) for part in parts]
     return rooms or [(body.name, cavity) for cavity in cavities]
+
+
+def _divided(room: Cavity, floors: Sequence[Cavity]) -> list[Cavity]:
+    """Cut a cavity at the heights of others; the whole one without any at its height."""
+    (low, high), parts = _ends(room), []
+    for floor in floors:
+        bottom, top = (float(end[2]) for end in _ends(floor))
+        if min(top, high[2]) - max(bottom, low[2]) > TOLERATED:
+            parts.append(_cavity(np.array([*low[:2], max(bottom, low[2])]), np.array([*high[:2], min(top, high[2])])))
+    return parts or [room]
+
+
+def _ends(room: Cavity) -> tuple[Array, Array]:
+    """Lower and upper corner (3,) of a cavity."""
+    centre, half = np.asarray(room.centre), np.asarray(room.size) / 2
+    return centre - half, centre + half
 
 
 def open_at(
@@ -194,7 +213,7 @@ def _is_in(room: Cavity, body: Body, thing: Body) -> bool:
 
 def _with_room(room: Cavity, body: Body, things: Iterable[Body]) -> Cavity:
     """Widen a cavity around the objects in it that penetrate its walls by less than :data:`TOLERATED`."""
-    low, high = (np.asarray(room.centre) + sign * np.asarray(room.size) / 2 for sign in (-1.0, 1.0))
+    low, high = _ends(room)
     for thing in things:
         if _is_in(room, body, thing):
             local = _in_frame(thing, body)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
@@ -10,9 +11,10 @@ import numpy as np
 
 from executive.belief.scene_collisions import BasePose
 from executive.belief.scene_floor import SLACKS
+from executive.locations.standing import Standing
 from executive.modules.commanding import Control
 from executive.motion import Grid, MotionError, NoPath, clearance_field, plan_base_path, time_path
-from executive.motion.base_path import plan_tight_path
+from executive.motion.base_path import plan_tight_path, poses_along
 from executive.motion.floods import SPARE
 from planlang.geometry import Array
 from planlang.protocols import Trajectory
@@ -23,6 +25,10 @@ FINER = (1.0, 0.5, 0.25)
 """Factors of CHECKS: a timed path that collides between checks is planned again with closer checks."""
 AROUND = 10.0
 """Distance from the base and its goal within which to search for a path on a large map first [m]."""
+BACK_OFF = (0.15, 0.3, 0.45)
+"""Lengths of straight ways out of where the cells leave none: an arm still reaches around an open door [m]."""
+BACKED_OFF = 3
+"""Ends of such ways from which a path is planned."""
 ROOMY = 0.01
 """Clearance around the robot's circular outline above which a pose needs no exact check [m]."""
 
@@ -74,18 +80,30 @@ class Drive:
             is_roomy = cell is not None and room[cell] > ROOMY + grid.resolution
             return () if is_roomy or floor.surely_holds(np.array([[x, y, yaw]]))[0] else self._touching(x, y, yaw)
 
-        def roomy(room: Array, checks: float) -> Array:
-            return plan_base_path(start, goal, grid, room, touching, resolution=checks)
+        def roomy(room: Array, checks: float, begin: BasePose = start) -> Array:
+            return plan_base_path(begin, goal, grid, room, touching, resolution=checks)
 
-        def tight(slack: float, cells: Grid, checks: float) -> Array:
+        def tight(slack: float, cells: Grid, checks: float, begin: BasePose = start) -> Array:
             if not scene.collisions.may_reach(goal):
                 raise NoPath(start, goal, {"exact checks": 0, "attempts": 0})
             free = scene.collisions.free(scene.collisions.whole(), cells)[SLACKS.index(slack)]
-            return plan_tight_path(start, goal, cells, free, touching, checks, floor.surely_holds)
+            return plan_tight_path(begin, goal, cells, free, touching, checks, floor.surely_holds)
+
+        def backed_off(checks: float) -> Array:
+            tried = 0
+            for aside in Standing(scene).beside(start[2] + math.pi, BACK_OFF):
+                line = np.array([start, aside])
+                if tried < BACKED_OFF and not any(touching(*pose) for pose in poses_along(line, checks)):
+                    tried += 1
+                    for plan in (partial(roomy, room), partial(tight, 0.0, grid)):
+                        with suppress(NoPath):
+                            return np.concatenate([line[:1], plan(checks, begin=aside)])
+            raise NoPath(start, goal, {"places beside": tried})
 
         # where the only row of cells through a gap touches something, the one between may not
         grids = [(-SPARE, grid), (0.0, grid), (0.0, grid.between())]
         plans: list[Callable[[float], Array]] = [partial(roomy, room), *(partial(tight, *one) for one in grids)]
+        plans.append(backed_off)
         if scene.space is not None:
             seen = scene.space.room(grid, max(high for _, high, _ in silhouette), radius)
             plans.insert(0, partial(roomy, np.where(seen, room, np.minimum(room, -radius))))

@@ -1,11 +1,13 @@
 """Shelves are hollow between their boards, which a map or a class states, and toolboxes are open above."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
-from executive.maps import SemanticMap, scene_of
+from executive.maps import SemanticMap, read_map, scene_of
 from planlang.diagnostics import Diagnostic
+from planlang.ontology import load
 from sim import Body
 
 Write = Callable[..., str]
@@ -55,6 +57,30 @@ def test_a_shelf_is_open_in_front_unless_a_map_states_other_sides(body: Callable
 
 def test_any_furniture_of_which_a_map_states_boards_has_them(body: Callable[..., Body]) -> None:
     assert floors(body("Cupboard", 'boardHeights "0.02 0.5"')) == [0.02, 0.5]
+
+
+def test_boards_divide_what_is_behind_a_door(tmp_path: Path) -> None:
+    file = tmp_path / "fridge.omn"
+    file.write_text(
+        """Prefix: : <http://example.org/fridge.owl#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Ontology: <http://example.org/fridge.owl>
+    Import: <http://knowrob.org/kb/knowrob.owl>
+Individual: fridge
+    Types: knowrob:SemanticEnvironmentMap
+Individual: thing1
+    Types: knowrob:Refrigerator
+    Facts: knowrob:translation "0 0 0.9", knowrob:boundingBoxSize "0.6 0.6 1.8", knowrob:boardHeights "0.1 0.5 1.2",
+        knowrob:properPhysicalParts door1
+Individual: door1
+    Types: knowrob:Door
+    Facts: knowrob:relativeTo thing1, knowrob:translation "0.31 0 0.1", knowrob:boundingBoxSize "0.02 0.6 1.6"
+""",
+        encoding="utf-8",
+    )
+    fridge = scene_of(read_map(load(file))).body("thing1")
+    assert floors(fridge) == [0.2, 0.5, 1.2], "the lowest room begins where the door does"
+    assert ceilings(fridge) == [0.48, 1.18, 1.78]
 
 
 def test_a_shelf_of_which_nothing_is_stated_has_the_boards_of_its_class(body: Callable[..., Body]) -> None:
