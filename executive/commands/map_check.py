@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from executive.commands.checked import CheckResult
-from executive.maps import read_map, scene_of
+from executive.maps import SemanticMap, read_map, scene_of
 from executive.maps.classes import MapObject
 from executive.maps.occupied_space import OBSTACLE
+from executive.maps.scene import is_too_wide
 from executive.runs.files import RecipeFile
+from planlang.closure import grouped
 from planlang.designators import local_name
-from planlang.diagnostics import BadInput, Severity
+from planlang.diagnostics import BadInput, Diagnostic, Severity, note
 from planlang.ontology import Ontology, load
 from planlang.words import Blank, Text, calling, joined
 from sim import Scene
 from sim.joints import Articulation, JointKind
-from sim.scene import BodyShape
+from sim.scene import GRASPABLE_WIDTH, BodyShape
 
 RECIPE = Blank("RECIPE")
 
@@ -39,6 +41,7 @@ def check_map(
         scene = scene_of(semantic_map, diagnostics)
     except BadInput as problem:
         raise BadInput((*diagnostics, *problem.diagnostics)) from None
+    diagnostics += _wide(scene, semantic_map)
     counts = _counts(scene)
     use = Text(calling("run", RECIPE, environment=path), " runs a recipe in it")
     if all(number == 0 for kind, (_, _, number) in counts.items() if kind != "obstacles"):
@@ -49,6 +52,20 @@ def check_map(
     text = joined("\n", (f"{path}: a map of {_in_words(counts)}", *(contents if lists_contents else ()), use))
     data = {kind: number for kind, (_, _, number) in counts.items()}
     return CheckResult(True, "map", text, tuple(diagnostics), data)
+
+
+def _wide(scene: Scene, semantic_map: SemanticMap) -> Iterator[Diagnostic]:
+    """Note which things are too wide to be taken; devices with a switch are operated where they stand."""
+    devices = {one.device for one in scene.controls}
+    bodies = [body for body in scene.bodies if body.name not in devices and is_too_wide(body, semantic_map)]
+    if not bodies:
+        return
+    of_width = grouped((f"{min(body.size[:2]):.3g} m wide", body.name) for body in bodies)
+    each = (f"{', '.join(names)} {'are' if names[1:] else 'is'} {wide}" for wide, names in of_width.items())
+    message = f"{', '.join(each)}: no hand takes more than {GRASPABLE_WIDTH:g} m"
+    first = semantic_map.find(bodies[0].iri)
+    help = "if there is a handle for one hand, state it as a part of the thing (Handle, properPhysicalParts)"
+    yield note("M040", message, None if first is None else first.span, help)
 
 
 def line(thing: MapObject, opened: str) -> str:

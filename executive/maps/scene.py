@@ -261,6 +261,13 @@ def _movable(thing: MapObject, semantic_map: SemanticMap, widest: float) -> bool
     return (min(thing.size[:2]) <= widest or thing.size[2] <= THIN) and max(thing.size) <= LONGEST
 
 
+def is_too_wide(body: Body, semantic_map: SemanticMap) -> bool:
+    """Check whether only its width keeps hands from taking a body: a thing of a size to carry, no furniture."""
+    if body.graspable or (thing := semantic_map.find(body.iri)) is None or semantic_map.is_a(thing, *LIGHT_FURNITURE):
+        return False
+    return body.shape in (BodyShape.BOX, BodyShape.CYLINDER) and _movable(thing, semantic_map, math.inf)
+
+
 def _opened(
     bodies: list[Body], joints: Sequence[Articulation], semantic_map: SemanticMap, notes: list[Diagnostic]
 ) -> list[Body]:

@@ -411,7 +411,7 @@ class Run:
             outcome, message, failed = Outcome.FAILED, explain(problem), problem
             failure = Failure.of(problem)
         except KeyboardInterrupt:
-            outcome, message = Outcome.INTERRUPTED, "interrupted"
+            outcome, message = Outcome.INTERRUPTED, written.interrupted
         except Different as difference:
             assert earlier is not None
             raise BadInput([different(earlier.recorded, difference, header)]) from None

@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from executive.modules.platform import Platform
 
 
+MOST_DONE = 5
+"""Number of actions that are named as done when a run is interrupted."""
+
+
 class Written:
     """What follows a run that writes no more than its trace; ``listeners`` get its records, ``watchers`` see the world.
 
@@ -35,6 +39,10 @@ class Written:
         """False while a repeated run catches up with its trace."""
         self._actions: dict[int, str] = {}
         """The actions that are being performed, by node."""
+        self._done: list[Node] = []
+        """Performed actions, without those inside the last one."""
+        self.interrupted = "interrupted"
+        """What is said of a run that was interrupted: where, and what had been done."""
         self._at_work = ExitStack()
         """Shows on what the run works if no line is printed for long."""
         self._at_work.enter_context(self._options.waiting(self._doing))
@@ -56,8 +64,23 @@ class Written:
         match record:
             case {"event": "started", "kind": "perform", "node": number, "action": action}:
                 self._actions[number] = str(action)
-            case {"event": "ended", "kind": "perform", "node": number}:
+            case {"event": "ended", "kind": "perform", "node": number, "status": status}:
                 self._actions.pop(number, None)
+                if status == "succeeded" and node is not None:
+                    while self._done and node in _around(self._done[-1]):
+                        self._done.pop()
+                    self._done.append(node)
+            case {"event": "interrupted", "step": step}:
+                self.interrupted = self._where(step / self._truth.rate)
+
+    def _where(self, time: float) -> str:
+        """Say at which action the run was interrupted, at a plan time [s], and the last actions that were done."""
+        action = next(reversed([*self._actions.values()]), "no action")
+        names = [one.name for one in self._done]
+        done = (
+            f"done: {', '.join(['...'] * (len(names) > MOST_DONE) + names[-MOST_DONE:])}" if names else "nothing done"
+        )
+        return f"interrupted at {action}, {time:.1f} s; {done}"
 
     def _doing(self) -> str:
         """Name the action that began last; the thread that shows it calls this at any time."""
@@ -90,6 +113,13 @@ class WatchedWorld:
     def _show(self) -> None:
         for watcher in self.watchers:
             watcher(self.world)
+
+
+def _around(node: Node) -> Iterator[Node]:
+    """Yield the nodes around a node, from inside out."""
+    while node.parent is not None:
+        node = node.parent
+        yield node
 
 
 def bodies_of(bound: Mapping[str, Bound], belief: Belief, truth: Truth) -> Iterator[str]:

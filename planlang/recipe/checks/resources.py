@@ -47,8 +47,8 @@ def shared_resources(checked: CheckedRecipe) -> Iterator[Diagnostic]:
         both = " and the ".join(sorted(shared(first, second)))
         more = f" (and {number - 1} more such pairs)" if number > 1 else ""
         one, other = told_apart(first.iri, second.iri)
-        message = f"`{one}` and `{other}` both need the {both}, but are not ordered: either may come first{more}"
-        advice = ordering_to_write(recipe, first.iri, second.iri)
+        message = f"`{one}` and `{other}` both need the {both} of the robot, and nothing says which comes first{more}"
+        advice = f"if `{one}` comes first, {ordering_to_write(recipe, first.iri, second.iri)}"
         yield warning("R045", message, second.span, advice, Order(recipe.iri, first.iri, second.iri))
 
 
