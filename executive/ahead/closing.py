@@ -23,7 +23,7 @@ FURTHER = (0.0, -0.2, 0.2, 0.4)
 TURNS = (0.0, math.pi / 2, -math.pi / 2, math.pi)
 """Turns from that pose to try [rad]."""
 REACH = 1.0
-"""Distance from the sides of a thing within which the base works at it [m]."""
+"""Distance from the sides of a thing within which the base works at it [m]; in a room it is inside."""
 
 
 def leads_back(scene: PlanningScene, door: Object, beyond: BasePose) -> bool:
@@ -62,9 +62,10 @@ def _places(scene: PlanningScene, each: Action) -> Iterator[tuple[Array, float] 
         name = bodies.known(what)
         if name is None:
             yield None
-        elif not bodies.is_held(name) and not bodies.is_room(name):
+        elif not bodies.is_held(name):
             block = bodies.block(name)
-            yield np.array([block.x, block.y]), max(block.half_x, block.half_y) + REACH
+            halves = block.half_x, block.half_y
+            yield np.array([block.x, block.y]), min(halves) if bodies.is_room(name) else max(halves) + REACH
     match each.get("x"), each.get("y"), each.get("to_location"):
         case (float(x), float(y), _) | (_, _, FixedPose(x=x, y=y)):
             yield np.array([x, y]), REACH

@@ -195,7 +195,7 @@ class TwoHands(HandWork):
         for paths in pairs:
             log.include(paths.log)
         size = " m by ".join(f"{extent:g}" for extent in self.platform.scene.bodies.size(name)[:2])
-        return log.failure(f"{doing} {name}, {size} m, with two hands")
+        return log.failure(f"{doing} {name}, {size} m, with two hands", self.platform.scene.bodies)
 
     async def _grasp(self, name: str, way: tuple[PairPaths, PairGrasp]) -> tuple[PairPaths, PairGrasp]:
         """Approach and close both hands; return the way. Raises GraspMissed if a hand does not feel the object."""
