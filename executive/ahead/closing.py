@@ -15,6 +15,7 @@ from executive.locations.demands import things_in
 from executive.motion.floods import Drivable
 from planlang.designators import Action, FixedPose, Object
 from planlang.geometry import Array
+from planlang.language.performing import actions_around
 from planlang.language.remaining import remaining_actions
 from planlang.protocols import Configuration
 
@@ -27,7 +28,7 @@ REACH = 1.0
 
 
 def leads_back(scene: PlanningScene, door: Object, beyond: BasePose) -> bool:
-    """Check whether a remaining step needs the base on the side of a door between rooms from which it comes.
+    """Check whether a step in progress, or one that remains, needs the base on the side of a door from which it comes.
 
     ``beyond`` is a pose on its other side that faces away from it. What is not known yet may be on either.
     """
@@ -39,7 +40,7 @@ def leads_back(scene: PlanningScene, door: Object, beyond: BasePose) -> bool:
         return True
     return any(
         place is None or here.near(place[0], place[1]) >= max(there.near(place[0], place[1]), 1)
-        for each in remaining_actions()
+        for each in (*actions_around(), *remaining_actions())
         for place in _places(scene, each)
     )
 

@@ -45,3 +45,5 @@ def test_later_steps_lead_back_to_what_is_before_the_door_to_its_room_and_to_wha
     assert back(action("Lifting", object_acted_on=Object("Spoon")))
     assert not back(drive(to_location=a_location(in_=there)))
     assert back(drive(to_location=a_location(in_=here)))
+    monkeypatch.setattr("executive.ahead.closing.actions_around", lambda: iter([drive(to_location=cup_here)]))
+    assert back(), "the step in progress goes on there"
