@@ -76,10 +76,9 @@ class Written:
     def _where(self, time: float) -> str:
         """Say at which action the run was interrupted, at a plan time [s], and the last actions that were done."""
         action = next(reversed([*self._actions.values()]), "no action")
-        names = [one.name for one in self._done]
-        done = (
-            f"done: {', '.join(['...'] * (len(names) > MOST_DONE) + names[-MOST_DONE:])}" if names else "nothing done"
-        )
+        names = [one.name for one in self._done[-MOST_DONE:]]
+        more = ["..."] if len(self._done) > MOST_DONE else []
+        done = f"done: {', '.join([*more, *names])}" if names else "nothing done"
         return f"interrupted at {action}, {time:.1f} s; {done}"
 
     def _doing(self) -> str:
