@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
@@ -83,22 +82,28 @@ class Drive:
         def roomy(room: Array, checks: float, begin: BasePose = start) -> Array:
             return plan_base_path(begin, goal, grid, room, touching, resolution=checks)
 
-        def tight(slack: float, cells: Grid, checks: float, begin: BasePose = start) -> Array:
+        def check_reach() -> None:
             if not scene.collisions.may_reach(goal):
                 raise NoPath(start, goal, {"exact checks": 0, "attempts": 0})
+
+        def tight(slack: float, cells: Grid, checks: float, begin: BasePose = start) -> Array:
+            check_reach()
             free = scene.collisions.free(scene.collisions.whole(), cells)[SLACKS.index(slack)]
             return plan_tight_path(begin, goal, cells, free, touching, checks, floor.surely_holds)
 
         def backed_off(checks: float) -> Array:
-            tried = 0
-            for aside in Standing(scene).beside(start[2] + math.pi, BACK_OFF):
+            check_reach()
+            tried = checked = 0
+            for aside in Standing(scene).beside(start[2], BACK_OFF):
                 line = np.array([start, aside])
-                if tried < BACKED_OFF and not any(touching(*pose) for pose in poses_along(line, checks)):
+                poses = list(poses_along(line, checks))
+                checked += len(poses)
+                if tried < BACKED_OFF and not any(touching(*pose) for pose in poses):
                     tried += 1
                     for plan in (partial(roomy, room), partial(tight, 0.0, grid)):
                         with suppress(NoPath):
                             return np.concatenate([line[:1], plan(checks, begin=aside)])
-            raise NoPath(start, goal, {"places beside": tried})
+            raise NoPath(start, goal, {"exact checks": checked, "attempts": tried})
 
         # where the only row of cells through a gap touches something, the one between may not
         grids = [(-SPARE, grid), (0.0, grid), (0.0, grid.between())]
