@@ -229,16 +229,24 @@ def open_what_is_in_the_way(what: Object) -> Do:
     """
 
     Usage("open_what_is_in_the_way", {"what": "bottle"}).instance("what", what, Object, "an object")
+    return _opening(())
+
+
+def _opening(begun: tuple[Object, ...]) -> Do:
+    """Make the strategy that opens what is in the way, while the doors that were ``begun`` wait to be opened."""
 
     async def open_it(failure: PlanFailure) -> RecoveryResult:
         closed = next((link for link in failure.chain() if isinstance(link, BehindClosedDoor)), None)
         if closed is None or closed.door is None:
             return await _made_way(failure)
-        for door in (closed.door, *closed.further):
+        doors = (closed.door, *closed.further)
+        if any(door in begun for door in doors):  # each is behind the other
+            return PROPAGATE
+        for door in doors:
             freed = Recovery(HandsFull, put_down_first(door), retries=AGAIN)
             again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(door), retries=AGAIN)
             # furniture may stand behind doors between rooms, which the search for its handle names
-            before = Recovery(BehindClosedDoor, open_what_is_in_the_way(door))
+            before = Recovery(BehindClosedDoor, _opening((*begun, door)))
             opening = action("OpeningAContainerArtifact", object_acted_on=door)
             await perform(opening, recoveries=[freed, again, before])
             if (beyond := dict(closed.beyond).get(door)) is not None:

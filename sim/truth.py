@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
+import numpy as np
+
 from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from sim.bodies import Part
+from sim.leaves import inside
 from sim.robot import Robot
-from sim.scene import Scene
+from sim.scene import BodyShape, Scene
 
 ROBOT = "robot"
 """Name of the robot in the results of :func:`held_by`."""
@@ -99,3 +102,14 @@ def at_rest_on(world: Truth, name: str) -> str | None:
     if held_by(world, name) or world.falling(name):
         return None
     return world.support(name) if world.height_above_support(name) <= RESTS else None
+
+
+def is_inside(world: Truth, name: str, other: str) -> bool:
+    """Check whether the centre of a body is within the box of another that is hollow: open above, or furniture.
+
+    A room is no such body: what is on its floor is on it.
+    """
+    body = world.scene.body(other)
+    if body.shape is BodyShape.ROOM or not (body.cavities or body.wall):
+        return False
+    return bool(inside(world.pose(other), body.size, np.array([world.pose(name).position]))[0])

@@ -15,6 +15,7 @@ from executive.locations.demands import things_in
 from executive.motion.floods import Drivable
 from planlang.designators import Action, FixedPose, Object
 from planlang.geometry import Array
+from planlang.language.performing import actions_around
 from planlang.language.remaining import remaining_actions
 from planlang.protocols import Configuration
 
@@ -23,11 +24,11 @@ FURTHER = (0.0, -0.2, 0.2, 0.4)
 TURNS = (0.0, math.pi / 2, -math.pi / 2, math.pi)
 """Turns from that pose to try [rad]."""
 REACH = 1.0
-"""Distance from the sides of a thing within which the base works at it [m]."""
+"""Distance from the sides of a thing within which the base works at it [m]; in a room it is inside."""
 
 
 def leads_back(scene: PlanningScene, door: Object, beyond: BasePose) -> bool:
-    """Check whether a remaining step needs the base on the side of a door between rooms from which it comes.
+    """Check whether a step in progress, or one that remains, needs the base on the side of a door from which it comes.
 
     ``beyond`` is a pose on its other side that faces away from it. What is not known yet may be on either.
     """
@@ -39,7 +40,7 @@ def leads_back(scene: PlanningScene, door: Object, beyond: BasePose) -> bool:
         return True
     return any(
         place is None or here.near(place[0], place[1]) >= max(there.near(place[0], place[1]), 1)
-        for each in remaining_actions()
+        for each in (*actions_around(), *remaining_actions())
         for place in _places(scene, each)
     )
 
@@ -62,9 +63,10 @@ def _places(scene: PlanningScene, each: Action) -> Iterator[tuple[Array, float] 
         name = bodies.known(what)
         if name is None:
             yield None
-        elif not bodies.is_held(name) and not bodies.is_room(name):
+        elif not bodies.is_held(name):
             block = bodies.block(name)
-            yield np.array([block.x, block.y]), max(block.half_x, block.half_y) + REACH
+            halves = block.half_x, block.half_y
+            yield np.array([block.x, block.y]), min(halves) if bodies.is_room(name) else max(halves) + REACH
     match each.get("x"), each.get("y"), each.get("to_location"):
         case (float(x), float(y), _) | (_, _, FixedPose(x=x, y=y)):
             yield np.array([x, y]), REACH

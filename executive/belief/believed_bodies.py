@@ -108,6 +108,12 @@ class BelievedBodies(ScenePart):
         """Check whether a body is a room, which contains all others."""
         return self._world.scene.body(name).shape is BodyShape.ROOM
 
+    def as_obstacle(self, name: str) -> str:
+        """Name in words what is in the way: a body, known or not, or a link of the robot."""
+        if name in self._world.robot.solid_names:
+            return "the robot itself"
+        return f"a wall of {name}" if name in self.names() and self.is_room(name) else name
+
     def is_graspable(self, name: str) -> bool:
         """Check whether a hand can grasp a body."""
         return self._world.scene.body(name).graspable

@@ -111,6 +111,8 @@ class Floor:
 
     def surely_holds(self, bases: Array) -> NDArray[np.bool_]:
         """Mark the base poses (m, 3) at which no exact check is needed: the robot is :data:`SURELY` off everything."""
+        if not len(bases):
+            return np.zeros(0, dtype=bool)
         reach, (low, high) = max(r for _, _, r in self.silhouette) + SURELY, (bases[:, :2].min(0), bases[:, :2].max(0))
         near = self.boxes.only(np.flatnonzero(self.boxes.beyond(low, high, np.arange(len(self.boxes))) < reach))
         grown = Boxes(near.centres, near.half_extents + TOUCHING + SURELY, near.yaws)

@@ -17,6 +17,7 @@ from executive.locations.grasp_candidates import (
     oriented,
     upright,
 )
+from executive.locations.headroom import RISES
 from executive.locations.placement import UPRIGHT
 from executive.locations.reachability import GraspClass
 from executive.robots.arms import HandFrame, Held
@@ -37,6 +38,8 @@ LEANING = 0.7
 """Weight of offering a thing tilted, relative to level."""
 AS_IT_LAY = 0.5
 """Weight of putting a thing down as it lay, relative to upright."""
+BARELY_RAISED = 0.5
+"""Weight of lowering a thing from just above its place, relative to from as high as there is room for it."""
 PARTICULAR, POOREST = 4, 0.001
 """Power of a spot's score, relative to the best, that gives the weight of a candidate, and the smallest weight."""
 
@@ -134,6 +137,10 @@ class Spots:
     def is_upright(self) -> bool:
         """Whether the thing stands as it is meant to."""
         return self.attitude == UPRIGHT
+
+    def barely_raised(self) -> Spots:
+        """Create the same ones with the least headroom, for hands or arms that do not get as high as the thing may."""
+        return replace(self, rooms=np.minimum(self.rooms, RISES[-1]))
 
 
 def placing(name: str, spots: Spots, frame: HandFrame, held: Held, *, fine: bool) -> GraspCandidates:

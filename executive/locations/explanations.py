@@ -299,11 +299,8 @@ class _Explanation:
         if not self.log.blocking:
             return ""
         body, number = next(iter(self.log.ordered_blocking().items()))
-        obstacle = f"{body} itself" if body == self.reach.body else body
-        if body not in self.scene.bodies.names():
-            obstacle = "itself"
-        elif self.scene.bodies.is_room(body):
-            obstacle = f"a wall of {body}"
+        obstacle = f"{body} itself" if body == self.reach.body else self.scene.bodies.as_obstacle(body)
+        obstacle = obstacle if body in self.scene.bodies.names() else "itself"
         total = sum(self.log.counts.values())
         share = f"all {total}" if number == total else f"{number} of {total}"
         return f"in {share} ways to reach {self.reach.body} the robot would hit {obstacle}"

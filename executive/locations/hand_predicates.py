@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
-from executive.locations.deliveries import Spots, held_above, offering, placing
+from executive.locations.deliveries import BARELY_RAISED, Spots, held_above, offering, placing
 from executive.locations.demands import ThingDemand, hand_terms, put_demand
 from executive.locations.grasp_candidates import (
     APPROACH,
@@ -284,7 +284,11 @@ def delivering(
         return offering(reach.body, zone, arm.frame, held, fine=fine, low=stage is Stage.CLOSEST)
     assert held is not None, "an empty hand puts nothing down"
     each = spots_of(reach, held.name, scene, rejections, stage) if spots is None else spots
-    return GraspCandidates.joined([placing(reach.body, one, arm.frame, held, fine=fine) for one in each])
+    tables = [placing(reach.body, one, arm.frame, held, fine=fine) for one in each]
+    if stage is Stage.CLOSEST:
+        lower = [placing(reach.body, one.barely_raised(), arm.frame, held, fine=fine) for one in each]
+        tables += [replace(table, weights=BARELY_RAISED * table.weights) for table in lower]
+    return GraspCandidates.joined(tables)
 
 
 def spots_of(reach: Reach, name: str, scene: PlanningScene, rejections: Rejections, stage: Stage) -> tuple[Spots, ...]:

@@ -126,8 +126,10 @@ def solve(
     Returns joint values (m, k, d), and why those of each candidate are not possible; None if they are.
 
     With ``slack``, the first seeds are within that distance [m] of solutions: if they penetrate something by that much
-    more than solutions may, the candidate is not solved.
+    more than solutions may, the candidate is not solved. A slow torso then moves as the arm does: that is a search for
+    base poses, which asks whether there is a posture at all.
     """
+    solver = arm if slack is None else arm.chain
     count, steps = len(index), candidates.offsets.shape[1]
     joints = np.zeros((count, steps, seeds.shape[2]))
     reasons: list[Reason | None] = [None] * count
@@ -142,14 +144,14 @@ def solve(
     alive = np.arange(count)
     if slack is not None:
         alive = without_reason(alive, _in_the_way(_blocked(seeds[:, :1], bases, check, slack)))
-    q, solved = arm.solve(targets[alive, candidates.key], seeds[alive])
+    q, solved = solver.solve(targets[alive, candidates.key], seeds[alive])
     joints[alive, candidates.key] = q
     alive = without_reason(alive, (None if good else OUT_OF_REACH for good in solved.tolist()))
     others = [step for step in range(steps) if step != candidates.key]
     if others and len(alive):
         goals = targets[alive][:, others].reshape(-1, 4, 4)
         starts = np.repeat(joints[alive, candidates.key], len(others), axis=0)
-        other_joints, good = arm.solve(goals, starts[:, None])
+        other_joints, good = solver.solve(goals, starts[:, None])
         good &= np.abs(other_joints - starts).max(axis=1) <= FARTHEST
         joints[alive[:, None], others] = other_joints.reshape(len(alive), len(others), -1)
         whole = good.reshape(len(alive), len(others)).all(axis=1)

@@ -6,6 +6,7 @@ reachability map covers the height, and the hand itself is collision-free.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -50,7 +51,7 @@ class LaterUses:
 
     def __init__(self, scene: PlanningScene, maps: InverseMaps) -> None:
         self._scene, self._maps = scene, maps
-        self._known: Kept[dict[tuple[Reach, Grip, object], bool]] = Kept()
+        self._known: Kept[dict[tuple[Reach, Grip, object], float]] = Kept()
         self._spots: Kept[dict[tuple[Reach, str], tuple[Spots, ...]]] = Kept()
 
     def candidates(self, reach: Reach, arm: ArmModel, log: Rejections, stage: Stage) -> list[GraspCandidates]:
@@ -58,12 +59,14 @@ class LaterUses:
         tables = candidates_of(reach, arm, self._scene, log, stage)
         if not reach.then:
             return tables
-        kept = [table.chosen(self.serving(table, reach, arm)) for table in tables]
+        kept = [table.chosen(self.serving(table, reach, arm, stage)) for table in tables]
         log.add(UNSERVED, sum(map(len, tables)) - sum(map(len, kept)))
         return [table for table in kept if len(table)]
 
-    def serving(self, table: GraspCandidates, reach: Reach, arm: ArmModel) -> NDArray[np.bool_]:
-        """Check which grasps of a table suit all later uses, (n,)."""
+    def serving(
+        self, table: GraspCandidates, reach: Reach, arm: ArmModel, stage: Stage = Stage.ALL
+    ) -> NDArray[np.bool_]:
+        """Check which grasps of a table suit all later uses, as soon as a stage of the search, (n,)."""
         scene, known = self._scene, self._known.of(self._scene.surroundings(), dict)
         body, thing = scene.world.scene.body(reach.body), scene.bodies.pose(reach.body).matrix()
         offsets = product(inverse(rigid(table.rotations, table.points)), thing)
@@ -78,14 +81,17 @@ class LaterUses:
                 if (use, grip, fingers) not in known:
                     held = Held(reach.body, Pose.from_matrix(offset), scene.world.size(reach.body), body.largest_tilt)
                     known[use, grip, fingers] = self._suits(use, arm, held)
-                suits[row] &= known[use, grip, fingers]
+                suits[row] &= known[use, grip, fingers] <= stage
         return suits
 
-    def _suits(self, use: Reach, arm: ArmModel, held: Held) -> bool:
-        """Check whether an arm that holds a thing like this can perform a use, as far as known."""
+    def _suits(self, use: Reach, arm: ArmModel, held: Held) -> float:
+        """Find the first stage at which an arm that holds a thing like this can perform a use, as far as known; or inf.
+
+        Grips that leave the hand no room to lower the thing from as high as there is room for it come later.
+        """
         still_computing()
         if use.arms is not None and arm.name not in use.arms:
-            return False
+            return math.inf
         table = delivering(use, arm, held, self._scene, Rejections(), Stage.ALL, self._spots_of(use, held.name))
         levels = list(
             zip(table.grasps.tolist(), table.rolls.tolist(), table.points[:, 2].round(ALIKE).tolist(), strict=True)
@@ -96,18 +102,21 @@ class LaterUses:
         }
         table = table.chosen(np.array([reached[level] for level in levels], bool))
         if not len(table):
-            return False
+            return math.inf
         # a door that is closed now will have been opened
         door = self._scene.bodies.door_of(use.body) if use.inside else None
         collisions = self._scene.collisions
         check = collisions.arm_check(arm, held.name, (), collisions.near(arm, table.points))
+        first = math.inf
         for part in blocks(len(table), AT_ONCE):  # one free hand is enough
             tips = table.poses(np.arange(part.start, part.stop))[:, : table.key + 1]
             hits = check.hand_hit(tips.reshape(-1, 4, 4))
             free = np.array([hit in (None, door) for hit in hits], bool).reshape(tips.shape[:2])
             if free.all(axis=1).any():
-                return True
-        return False
+                return Stage.NATURAL
+            if free[:, table.key].any():
+                first = Stage.ALL
+        return first
 
     def _spots_of(self, use: Reach, name: str) -> tuple[Spots, ...] | None:
         """Find where a use may put a thing down, once for all grips; None if it is offered."""

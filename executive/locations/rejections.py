@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from executive.belief.believed_bodies import BelievedBodies
 from executive.belief.scene_collisions import BasePose
 from planlang.advice import Change
 from planlang.designators import Action
@@ -162,14 +163,19 @@ class Rejections:
         """Counts of bodies in the way, most frequent first."""
         return _ordered(self.blocking)
 
-    def failure(self, designator: object, after: int = 0) -> LocationUnresolvable:
-        """Create the failure with these counts; ``after`` is the number of places found before."""
-        counts = self.ordered()
+    def failure(self, designator: object, bodies: BelievedBodies, after: int = 0) -> LocationUnresolvable:
+        """Create the failure with these counts; ``after`` is the number of places found before.
+
+        It names the ``bodies`` in the way in words, and all links of the robot as one.
+        """
+        counts, blocking = self.ordered(), Counter[str]()
+        for name, number in self.blocking.items():
+            blocking[bodies.as_obstacle(name)] += number
         figures = (self.figures[reason] for reason in counts if reason in self.figures)
         return LocationUnresolvable(
             designator=str(designator),
             counts=counts,
-            blocking=self.ordered_blocking(),
+            blocking=_ordered(blocking),
             figures=next(figures, ""),
             after=after,
             first=self.first,

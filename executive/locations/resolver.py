@@ -184,7 +184,7 @@ class Resolver:
             # what is said of the thing to reach would lead astray: it can be reached
             words = excluding.words.replace("not not ", "")
             question.log.figures = {unmet(excluding): f"without {words!r} there would be a place"}
-            raise question.log.failure(location)
+            raise question.log.failure(location, self.scene.bodies)
         is_feasible = None if found else partial(self._is_feasible, location, findings, shares=True)
         meant = bodies_meant(location, actions_around(), scene)
         own = Findings(Allowance(EASY_CHECKS, EASY_SOLVED), walled=question.known.walled)
@@ -195,7 +195,7 @@ class Resolver:
         arms, wanted = validator.arms(demand), validator.wanted(demand)
         later = None if found else partial(self._lacking_later, location, findings)
         explain_bases(wanted, arms, scene, self.maps, question, is_feasible, once_moved, once_emptied, meant, later)
-        raise question.log.failure(location, after=len(found))
+        raise question.log.failure(location, self.scene.bodies, after=len(found))
 
     def _check_way(self, location: Location, demand: BaseDemand, log: Rejections) -> None:
         """Raise a failure if the base cannot drive there because of a door between rooms, as it is."""
@@ -209,7 +209,7 @@ class Resolver:
         if (leaf := to_close(self.scene, is_possible)) is not None:
             log.first = action(CLOSE, object_acted_on=self.scene.bodies.designator(leaf))
             log.figures = {NO_WAY: f"with {leaf} closed, the base could drive there"}
-            raise log.failure(location)
+            raise log.failure(location, self.scene.bodies)
 
     def _question(self, location: Location) -> Question:
         """Start a new question about a location."""
@@ -418,7 +418,7 @@ class Resolver:
                 break
         else:
             explain_hands(reach, arm, self.scene, self.maps, log)
-        raise log.failure(location, after=int(found))
+        raise log.failure(location, self.scene.bodies, after=int(found))
 
     # Poses of objects
 
@@ -436,7 +436,7 @@ class Resolver:
             if placement.holds(pose):
                 number += 1
                 yield pose
-        raise log.failure(location, after=number)
+        raise log.failure(location, self.scene.bodies, after=number)
 
     def best_things(self, location: Location, what: Object, most: int) -> Iterator[Pose]:
         """Yield at most ``most`` of :meth:`things`; raises LocationUnresolvable if there are none."""

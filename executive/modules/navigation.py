@@ -127,7 +127,7 @@ class Navigation(PlatformModule):
             raise NavigationGoalNotReached(target=goal, blocked_by=lookout.closed_by)
         if motion.state is not MotionState.DONE:
             await self.platform.sensing.bump(motion)
-            raise NavigationGoalNotReached(target=goal, blocked_by=motion.blocked_by)
+            raise NavigationGoalNotReached(target=goal, blocked_by=self._obstacle(motion.blocked_by))
 
     async def _goal(self, action: Action) -> BasePose:
         match action.get("x"), action.get("y"), action.get("yaw"), action.get("to_location"):
@@ -157,18 +157,21 @@ class Navigation(PlatformModule):
         try:
             return self.platform.drive.path(goal)
         except GoalInCollision as problem:
-            raise NavigationGoalInCollision(target=goal, blocked_by=_blocking(problem)) from problem
+            raise NavigationGoalInCollision(target=goal, blocked_by=self._blocking(problem)) from problem
         except StartInCollision as problem:
-            stuck = _blocking(problem)
+            stuck = self._blocking(problem)
             raise NavigationGoalNotReached("the base is stuck", target=goal, blocked_by=stuck) from problem
         except MotionError as problem:
             if (touched := self.platform.belief.memory.met) is not None:
-                raise NavigationGoalNotReached(target=goal, blocked_by=touched) from problem
+                raise NavigationGoalNotReached(target=goal, blocked_by=self._obstacle(touched)) from problem
             if (narrow := narrow_doorway(self.platform.scene, np.array(goal[:2]))) is not None:
                 raise NavigationPoseUnreachable(str(narrow), target=goal, blocked_by=narrow.name) from problem
-            closing = self.platform.scene.collisions.closes_way(np.array(goal[:2]), AT_GOAL)
-            raise NavigationPoseUnreachable(target=goal, blocked_by=next(iter(closing), None)) from problem
+            closing = next(iter(self.platform.scene.collisions.closes_way(np.array(goal[:2]), AT_GOAL)), None)
+            raise NavigationPoseUnreachable(target=goal, blocked_by=self._obstacle(closing)) from problem
 
+    def _blocking(self, problem: GoalInCollision | StartInCollision) -> str | None:
+        return self._obstacle(next((body for _, body in problem.pairs), None))
 
-def _blocking(problem: GoalInCollision | StartInCollision) -> str | None:
-    return next((body for _, body in problem.pairs), None)
+    def _obstacle(self, name: str | None) -> str | None:
+        """Name in words what stopped the base, if that is known."""
+        return None if name is None else self.platform.scene.bodies.as_obstacle(name)

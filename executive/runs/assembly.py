@@ -122,10 +122,10 @@ def _check_start(world: PlanningWorld, free: Iterator[BasePose]) -> None:
     if touched:
         now = world.configuration()
         nearest = sorted(islice(free, MOST_STARTS), key=lambda pose: math.dist(pose[:2], (x, y)))[:MOST_NEAREST]
-        for base in (base for base in nearest if not world.contacts(replace(now, base=base), moving=("base",))):
-            near = tuple(round(number, 2) for number in base)
-            advice = Text(Option("start", near), " is the nearest free place that was found")
-            break
+        for near in ((round(a, 2), round(b, 2), round(c, 2)) for a, b, c in nearest):
+            if not world.contacts(replace(now, base=near), moving=("base",)):
+                advice = Text(Option("start", near), " is the nearest free place that was found")
+                break
         raise BadInput([error("X007", f"{place}: it would collide with {', '.join(touched)}", help=advice)])
 
 

@@ -30,7 +30,7 @@ from planlang.runs.trace import Listener
 from planlang.temporary import temporary_folder
 from planlang.words import joined
 from sim.joints import Articulation, JointKind
-from sim.truth import ROBOT, Truth, at_rest_on, held_by
+from sim.truth import ROBOT, Truth, at_rest_on, held_by, is_inside
 
 if TYPE_CHECKING:
     from executive.runs.assembly import RobotExecutive
@@ -104,12 +104,13 @@ def state_lines(truth: Truth, names: Iterable[str], held: Mapping[str, str] | No
     scene, leaves = truth.scene, set[str]()
     for name in dict.fromkeys(names):
         if scene.body(name).graspable:
-            holder, support = held_by(truth, name), at_rest_on(truth, name)
-            if holder is not None:
+            if (holder := held_by(truth, name)) is not None:
                 hand = (held or {}).get(name) if holder == ROBOT else None
                 yield f"{name}: held by {holder}" if hand is None else f"{name}: still held by {holder}, {hand}"
+            elif (support := at_rest_on(truth, name)) is not None:
+                yield f"{name}: at rest {'in' if is_inside(truth, name, support) else 'on'} {support}"
             else:
-                yield f"{name}: at rest on {support}" if support is not None else f"{name}: not at rest"
+                yield f"{name}: not at rest"
         for joint in scene.joints:
             if not joint.is_knob and name in (joint.leaf, joint.holder) and joint.leaf not in leaves:
                 leaves.add(joint.leaf)

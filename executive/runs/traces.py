@@ -34,7 +34,7 @@ def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Listene
     """Make a listener that calls ``say`` with the world step and a line, for records of interest to people.
 
     With ``inner`` also for actions that process modules perform inside others. A failure that passes several actions
-    and recoveries at once has one line for each, and what is believed of a thing already is not said again.
+    and recoveries at once has a line only once, as has what is believed of a thing until that changes.
     """
     told: tuple[int, set[str]] = (-1, set())
     believed: dict[object, str] = {}

@@ -12,10 +12,12 @@ from contextlib import suppress
 from contextvars import ContextVar
 from typing import TypeVar
 
-from planlang.designators import Condition, FixedPose, Object, action
+from planlang.action_classes import levels_above
+from planlang.designators import Action, Condition, FixedPose, Object, action
 from planlang.failures import PlanFailure
-from planlang.language.executive import executive_for
+from planlang.language.executive import Executive, executive_for
 from planlang.language.performing import perform
+from planlang.language.remaining import remaining_actions
 
 V = TypeVar("V")
 
@@ -40,13 +42,21 @@ async def passed(door: Object, beyond: FixedPose) -> None:
     """Close a door from ``beyond``, its other side, if no later step leads back through it; else after the plan.
 
     The robot drives through it for that. Also after the plan if a hand is not empty, if the door cannot be closed from
-    there, or if another one is left open, to which a later step leads. Without effect outside of :func:`tidied`.
+    there, or if another one is left open, to which a later step leads. It stays open if a later step is to open it.
+    Without effect outside of :func:`tidied`.
     """
     owed, executive = _owed.get(), executive_for("passed")
-    if owed is None:
+    if owed is None or any(_opens(step, door, executive) for step in remaining_actions()):
         return
     if not owed and not executive.held() and not executive.holds(Condition("leads_back", (door, beyond))):
         with suppress(PlanFailure):
             await perform(action("ClosingAContainerArtifact", object_acted_on=door, to_location=beyond))
             return
     owed[door] = None
+
+
+def _opens(step: Action, door: Object, executive: Executive) -> bool:
+    what = step.get("object_acted_on")
+    if not isinstance(what, Object) or what.name != door.name:
+        return False
+    return any("OpeningAContainerArtifact" in level for level in levels_above(step.type, executive.ancestors))

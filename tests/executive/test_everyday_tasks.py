@@ -58,4 +58,4 @@ def test_a_visitor_gets_what_was_gripped_on_a_table(name: str) -> None:
 @pytest.mark.parametrize("name", CUPBOARDS)
 def test_a_bottle_is_put_into_a_cupboard_whatever_was_in_it(name: str) -> None:
     code, state = ended("empty_cupboard", f"{name}.r.omn", f"{name}.omn", "amigo")
-    assert (code, state[0]) == (0, "bottle1: at rest on cupboard1")
+    assert (code, state[0]) == (0, "bottle1: at rest in cupboard1")

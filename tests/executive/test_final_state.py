@@ -10,9 +10,32 @@ from planlang.geometry import Pose
 from planlang.state.matter import OFF, ON, Portion
 from sim import Body, PyBulletWorld, Scene
 from sim.joints import Articulation, JointKind
+from sim.scene import Cavity
 
 UP = (0.0, 0.0, 1.0)
 DOOR = Articulation("door", JointKind.HINGED, (2.0, 0.3, 0.5), UP, 0.0, 1.57, "oven", ("handle",), "handle")
+
+
+def test_a_thing_is_in_what_is_hollow_around_it_and_on_what_it_stands_on() -> None:
+    floor = Body("room", Pose((0.0, 0.0, 1.3)), (6.0, 6.0, 2.6), "room")
+    box = Body("toybox", Pose((1.0, 0.0, 0.1)), (0.4, 0.4, 0.2), wall=0.01, movable=True)
+    cube = Body("cube", Pose((1.0, 0.0, 0.035)), (0.05, 0.05, 0.05), movable=True)
+    shelf = Body(
+        "shelf", Pose((2.0, 0.0, 0.5)), (0.4, 0.8, 1.0), cavities=(Cavity((-0.1, 0.0, 0.25), (0.6, 0.7, 0.4)),)
+    )
+    can = Body("can", Pose((1.95, 0.0, 0.6)), (0.06, 0.06, 0.1), "cylinder", movable=True)
+    tin = Body("tin", Pose((2.0, 0.2, 1.05)), (0.06, 0.06, 0.1), "cylinder", movable=True)
+    scene = Scene((floor, box, cube, shelf, can, tin), start=(-1.0, 0.0, 0.0))
+    world = PyBulletWorld(scene, bind_robot(bundled("ontologies") / "robots" / "amigo.omn").body())
+    try:
+        assert list(state_lines(world, ["toybox", "cube", "can", "tin"])) == [
+            "toybox: at rest on room",
+            "cube: at rest in toybox",
+            "can: at rest in shelf",
+            "tin: at rest on shelf",
+        ]
+    finally:
+        world.close()
 
 
 def test_containers_devices_and_vessels_are_told_of_beside_where_things_are() -> None:

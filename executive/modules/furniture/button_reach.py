@@ -32,7 +32,7 @@ SEEDS = 4
 FARTHER, TURNING = 0.1, 0.05
 """Cost of driving one metre, and of turning by one radian, in shares of the arm's reach off a comfortable distance."""
 APART = 0.15
-"""Least distance of base poses that are tried one after the other [m]."""
+"""Least distance between the base poses that are yielded [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,18 +68,18 @@ def pushes(
     here = (away == 0.0).all(axis=1)
     bases = bases[np.lexsort((cost, ~coarse, ~here))][:MOST]
     check = scene.collisions.arm_check(arm, touches, ())
-    last: list[BasePose] = []
+    yielded: list[BasePose] = []
     for number in range(0, len(bases), BLOCK):
         checked = 0
         for base, joints in _solved(arm, bases[number : number + BLOCK], rotations, points):
-            if checked == MOST_CHECKED or any(math.dist(base[:2], other[:2]) < APART for other in last):
+            if checked == MOST_CHECKED or any(math.dist(base[:2], other[:2]) < APART for other in yielded):
                 continue
             placed = np.repeat(base_matrices(np.array([base])), free, axis=0)
             if any(hit is not None for hit in check.hit(placed, joints[:free])):
                 continue
             checked += 1
             if standing.poses.has_room(base) and is_free(push := Push(base, joints)):
-                last.append(base)
+                yielded.append(base)
                 yield push
 
 

@@ -48,9 +48,9 @@ class ClosingAgain(PlatformModule):
         """
         await checkpoint()
         scene, place, stay_open = self.platform.scene, self.platform.base(), list[str]()
-        doors = {scene.bodies.bind(one): one for one in self._doors(request)}
-        joints = {leaf: scene.belief.joints[leaf] for leaf in doors if scene.belief.is_left_open(leaf)}
-        sides = {leaf: side_of(scene, joint, there=False) for leaf, joint in joints.items()}
+        doors = self._doors(request)
+        joints = (scene.belief.joints[leaf] for leaf in doors if scene.belief.is_left_open(leaf))
+        sides = {joint.leaf: side_of(scene, joint, there=False) for joint in joints}
         while sides:
             leaf = self._next(sides)
             try:
@@ -66,13 +66,15 @@ class ClosingAgain(PlatformModule):
             await perform(action("Translation-LocationChange", x=x, y=y, yaw=yaw))
         return tuple(stay_open)
 
-    def _doors(self, request: Action) -> tuple[Object, ...]:
-        """Read the doors of an action."""
+    def _doors(self, request: Action) -> dict[str, Object]:
+        """Bind the doors of an action, by leaf. Raises ActionUnresolvable if it names something else."""
         what = request.get("object_acted_on")
-        doors = what if isinstance(what, tuple) else (what,)
-        if not all(isinstance(one, Object) for one in doors):
-            raise ActionUnresolvable("name the doors to close again as object_acted_on", designator=str(request))
-        return tuple(one for one in doors if isinstance(one, Object))
+        named = what if isinstance(what, tuple) else (what,)
+        bodies, joints = self.platform.scene.bodies, self.platform.scene.belief.joints
+        doors = {bodies.bind(one): one for one in named if isinstance(one, Object)}
+        if len(doors) < len(named) or not all(leaf in joints and joints[leaf].frame for leaf in doors):
+            raise ActionUnresolvable("name doors between rooms as object_acted_on", designator=str(request))
+        return doors
 
     def _next(self, sides: dict[str, FixedPose | None]) -> str:
         """Choose the door that is closed next: with it shut the base gets to all the others, the last opened first."""

@@ -35,6 +35,7 @@ from planlang.failures import (
     GraspMissed,
     GraspSlipped,
     HandleNotReachable,
+    HandsFull,
     ManipulationFailure,
     ManipulationGoalInCollision,
     ManipulationPoseUnreachable,
@@ -107,7 +108,7 @@ class LeafWork(HandWork):
             if not joint.frame or not joint.is_open(self._value()):
                 raise
         if self._covers_something() or self._should_be_wider():
-            with suppress(ManipulationFailure, NavigationFailure, EnvironmentManipulationFailure):
+            with suppress(EnvironmentManipulationFailure, HandsFull, ManipulationFailure, NavigationFailure):
                 await self._motion(joint.upper, joint.upper).run()
 
     async def open_further(self) -> None:

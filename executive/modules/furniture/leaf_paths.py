@@ -165,13 +165,15 @@ class LeafPaths:
         """Build the failure of a search that found nothing, with the likeliest reason and its figures."""
         self.poses.name_crowding()
         rejected, handle, counts = self.rejected, str(self._joint.handle), self.rejected.ordered()
+        as_obstacle = self._scene.bodies.as_obstacle
         rejected.first, advice = self._once_closed()
         figures = "" if advice is None else advice.sentence
         if not figures and set(counts) == {NO_GRIP}:
             figures = f"in each of the {counts[NO_GRIP]} grips checked, the hand is in collision, mostly with "
-            figures += next(iter(rejected.ordered_blocking()))
+            figures += as_obstacle(next(iter(rejected.ordered_blocking())))
         elif not figures and counts.get(COLLISION):
-            bodies = ", ".join(islice(rejected.ordered_blocking(), MOST_NAMED))
+            obstacles = dict.fromkeys(map(as_obstacle, rejected.ordered_blocking()))
+            bodies = ", ".join(islice(obstacles, MOST_NAMED))
             figures = f"{counts[COLLISION]} postures with a hand at it are in collision, mostly with {bodies}"
         elif not figures and counts and set(counts) <= {OUT_OF_REACH.text, NO_ROOM, NO_WAY, SWEPT.text, NO_GRIP}:
             height = height_of(handle, self._scene, self._tried)
@@ -180,7 +182,8 @@ class LeafPaths:
             figures = "; ".join(filter(None, (height, changes.none_found()))) if advice is None else advice.sentence
         rejected.changes = () if advice is None else advice.changes
         rejected.figures = {next(iter(counts), ""): figures} if figures else {}
-        return rejected.failure(f"the base with a hand at {handle} as {self._joint.leaf} moves")
+        wanted = f"the base with a hand at {handle} as {self._joint.leaf} moves"
+        return rejected.failure(wanted, self._scene.bodies)
 
     def _once_closed(self) -> tuple[Action | None, Advice | None]:
         """Find an open door or drawer with which closed there is a path, and the action that closes it; else None."""

@@ -21,6 +21,7 @@ from planlang.failures import (
     ActionUnresolvable,
     DesignatorFailure,
     EnvironmentManipulationFailure,
+    HandsFull,
     LookingFailure,
     LookingGoalUnreachable,
     ManipulationFailure,
@@ -45,7 +46,7 @@ VIEWS = 3
 """Most base poses from which to look at one place."""
 MOST_UNSEEN = 0.5
 """Share of a place that may stay hidden before the search of it counts as failed."""
-IN_VAIN = (EnvironmentManipulationFailure, ManipulationFailure, NavigationFailure, StateUnknown)
+IN_VAIN = (EnvironmentManipulationFailure, HandsFull, ManipulationFailure, NavigationFailure, StateUnknown)
 """Failures to open or close a door or drawer after which the search continues."""
 
 

@@ -15,6 +15,8 @@ from itertools import chain, combinations, islice
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
+from executive.locations import ReachKind
+from executive.locations.demands import use_at
 from executive.locations.rejections import Rejections
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.runner import Skill, each, nothing
@@ -195,7 +197,7 @@ class TwoHands(HandWork):
         for paths in pairs:
             log.include(paths.log)
         size = " m by ".join(f"{extent:g}" for extent in self.platform.scene.bodies.size(name)[:2])
-        return log.failure(f"{doing} {name}, {size} m, with two hands")
+        return log.failure(f"{doing} {name}, {size} m, with two hands", self.platform.scene.bodies)
 
     async def _grasp(self, name: str, way: tuple[PairPaths, PairGrasp]) -> tuple[PairPaths, PairGrasp]:
         """Approach and close both hands; return the way. Raises GraspMissed if a hand does not feel the object."""
@@ -272,10 +274,9 @@ class TwoHands(HandWork):
         if not isinstance(where, (Object, Location)):
             raise ActionUnresolvable("state where to carry the object as to_location", designator=str(action))
         location, tried, here = resting_on(where), list[BasePose](), self.platform.base
-        bodies = self.platform.scene.bodies
-        person = next(filter(bodies.is_person, map(bodies.bind, location.objects())), None)
-        if person is not None:
-            return await self._hold_out(paths, name, person)
+        use = use_at(location, name, self.platform.scene, here()[:2])
+        if use is not None and use.kind is ReachKind.OFFER:
+            return await self._hold_out(paths, name, use.body)
 
         async def lower(place: PairPlace) -> None:
             if "CarryingWhileLocomoting" not in self.platform.ancestors(action.type):
@@ -335,7 +336,7 @@ class TwoHands(HandWork):
             if found := list(islice(bases(), MOST_STANDS)):
                 await Skill(partial(iter, found), nothing, self.drive, failures=(NavigationFailure,)).run()
                 return
-        raise await self._nowhere(name, [paths], f"hold out to {person}", None, 0)
+        raise await self._nowhere(name, [paths], "hold out", None, 0)
 
     def _before(self, paths: PairPaths, name: str, tried: Sequence[BasePose], pose: Pose) -> Iterator[BasePose]:
         """Yield free base poses before a put-down pose, those first from which the object is only extended outwards."""

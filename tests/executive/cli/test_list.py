@@ -38,6 +38,11 @@ def test_a_word_is_looked_for_in_names_labels_and_other_names_whatever_its_case(
     assert [one["name"] for one in listed("classes", "batter")] == ["Dough"], "also called Batter"
 
 
+@pytest.mark.parametrize("word", ["toy", "parcel", "key", "newspaper", "plant", "remote", "hallway", "balcony", "sofa"])
+def test_an_everyday_word_finds_a_class(word: str) -> None:
+    assert listed("classes", word)
+
+
 def test_classes_are_a_tree_with_what_is_above_and_below_a_word() -> None:
     shown = invoke("list", "classes", "OpeningABottle").stdout.splitlines()
     marked = [line.split()[1] for line in shown if line.startswith("* ")]

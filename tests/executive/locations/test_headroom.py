@@ -15,7 +15,7 @@ from planlang.designators import a_location, an_object
 from planlang.geometry import Pose
 from planlang.geometry.areas import Block
 from sim import Body
-from tests.executive.conftest import PLACE, MakeStage
+from tests.executive.conftest import BOTTLE, PLACE, MakeStage, hold_bottle
 
 BOX = Body("box", Pose((1.5, 0.0, 0.9)), (0.06, 0.06, 0.2), type="CardboardBox", movable=True)
 BOARD = Body("board", Pose((1.6, 0.0, 0.79)), (0.4, 1.2, 0.02), type="Shelf")
@@ -44,3 +44,12 @@ def test_a_box_is_taken_from_between_two_boards_that_leave_little_room_above_it(
     base = next(stage.resolver.bases(a_location(in_reach_of=an_object("CardboardBox", PLACE + "box")))).base
     for one in (one for found in stage.resolver.reached_from(base).values() for one in found.values()):
         assert (one.plan.poses[:, 2, 3].max() - one.plan.poses[1, 2, 3]) <= gap
+
+
+def test_an_arm_at_its_highest_puts_a_thing_down_from_just_above_its_place(make_stage: MakeStage) -> None:
+    stage = make_stage(BOTTLE, replace(BOARD, pose=Pose((1.6, 0.0, 1.3)), size=(0.3, 0.6, 0.02)))
+    hold_bottle(stage)
+    there = a_location(in_reach_of=a_location(on=an_object("Shelf", PLACE + "board")))
+    base = next(stage.resolver.bases(there)).base
+    for one in (one for found in stage.resolver.reached_from(base).values() for one in found.values()):
+        assert one.plan.poses[0, 2, 3] - one.plan.poses[1, 2, 3] == pytest.approx(RISES[-1])

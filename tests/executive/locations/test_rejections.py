@@ -206,6 +206,16 @@ def test_the_message_tells_the_counts_and_the_bodies(refused: Refused) -> None:
     assert f"; in the way: table {failure.blocking['table']})" in text
 
 
+def test_links_of_the_robot_are_told_as_the_robot_itself_and_a_room_by_its_walls(make_stage: MakeStage) -> None:
+    stage = make_stage(CABINET, Body("room0", Pose((0.0, 0.0, 1.3)), (8.0, 8.0, 2.6), "room"))
+    bodies, log = stage.platform.scene.bodies, Rejections()
+    first, second = stage.platform.scene.world.robot.solid_names[:2]
+    for body in (first, second, "room0", "cabinet", "what was felt"):
+        log.crowded(body)
+    blocking = log.failure("somewhere", bodies).blocking
+    assert blocking == {"the robot itself": 2, "a wall of room0": 1, "cabinet": 1, "what was felt": 1}
+
+
 def test_each_place_is_counted_once(refused: Refused) -> None:
     """Two arms, 32 headings, side and tilted with either side of the hand up, of each the 48 places that count.
 

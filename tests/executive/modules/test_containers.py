@@ -27,6 +27,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, product
 from planlang.protocols import Trajectory
 from tests.benchmarks.doors import opened
+from tests.executive.conftest import BOTTLE, Stage, hold_bottle
 from tests.support.examples import some
 from tests.support.extras import skip_without_pr2
 from tests.support.leaves import START, Room, drawn, room, thing
@@ -328,14 +329,14 @@ def test_a_drawer_is_opened_all_its_way_from_a_place_of_the_base_that_allows_it(
     assert first_way(stage, joint.upper, joint.first_open).values[-1] == pytest.approx(joint.upper)
 
 
-def with_a_spoon_at_the_back(stack: ExitStack, value: float) -> Room:
+def with_a_spoon_at_the_back(stack: ExitStack, value: float, *things: MapObject) -> Room:
     """A drawer open by a value, in which a spoon lies that is under the furniture even if it is open all its way."""
     back = (0.0, 0.0, 1.0, 0.0)
     case = thing("case", "Cabinet-PieceOfFurniture", Pose((0.9, 0.0, 0.6), back), (0.52, 0.5, 1.2), "leaf")
     leaf = thing("leaf", "Drawer", Pose((0.88, 0.0, 0.9), back), (0.493, 0.46, 0.197), "grip")
     grip = thing("grip", "Handle", Pose((0.6, 0.0, 0.9), back), (0.012, 0.15, 0.012))
     spoon = thing("spoon", "SoupSpoon", Pose((1.0, 0.0, 0.824), back), (0.19, 0.038, 0.025))
-    stage = room(stack, (case, leaf, grip, spoon), "panda")
+    stage = room(stack, (case, leaf, grip, spoon, *things), "panda")
     stage.truth.set_joint("leaf", value)
     stage.platform.belief.moved("leaf", value)
     stage.platform.observe()
@@ -348,6 +349,16 @@ def test_an_open_drawer_is_opened_to_its_end_when_it_covers_what_lies_in_it(stac
     assert joint.is_open(stage.truth.joint("leaf"))
     stage.do(OPEN, "leaf")
     assert stage.truth.joint("leaf") == pytest.approx(joint.upper, abs=0.01)
+
+
+def test_an_open_drawer_counts_as_opened_where_no_hand_is_free_to_open_it_further(stack: ExitStack) -> None:
+    bottle = thing("bottle", "DrinkingBottle", Pose((-0.5, 0.5, 0.1)), BOTTLE.size)
+    stage = with_a_spoon_at_the_back(stack, 0.29, bottle)
+    stage.platform.belief.touched("leaf", 0.29)
+    (arm,) = stage.platform.scene.arms.all
+    hold_bottle(Stage(stage.truth, stage.platform, stage.executive), arm.name)
+    stage.do(OPEN, "leaf")
+    assert stage.truth.joint("leaf") == pytest.approx(0.29)
 
 
 def test_what_is_under_the_furniture_in_an_open_drawer_is_drawn_forward_before_it_is_lifted(stack: ExitStack) -> None:

@@ -352,7 +352,7 @@ def test_hand_poses_after_one_without_a_path_are_searched_for_no_longer_in_all(
 ) -> None:
     asked: list[int] = []
 
-    def path(arm: ArmModel, goal: Array, touches: str | None, iterations: int, others: object) -> None:
+    def path(arm: ArmModel, goal: Array, touches: str | None, iterations: int, others: object, **still: object) -> None:
         asked.append(iterations)
         raise NoPath(goal.tolist(), goal.tolist(), {})
 
@@ -368,12 +368,12 @@ def test_an_arm_without_a_path_close_to_furniture_unfolds_farther_back_and_comes
     stage, here, unfolded = before_bottle, before_bottle.platform.base(), list[float]()
     plan = stage.platform.arms.path
 
-    def path(arm: ArmModel, goal: Array, *others: Any) -> Trajectory:
+    def path(arm: ArmModel, goal: Array, *others: Any, **still: Any) -> Trajectory:
         away = math.dist(stage.platform.base()[:2], here[:2])
         if away < 0.1 and not stage.platform.arms.is_at(arm, goal):
             raise NoPath(goal.tolist(), goal.tolist(), {})
         unfolded.append(away)
-        return plan(arm, goal, *others)
+        return plan(arm, goal, *others, **still)
 
     monkeypatch.setattr(stage.platform.arms, "path", path)
     do(stage, reach(BEFORE), OPEN, reach(AROUND), CLOSE)

@@ -140,3 +140,19 @@ def test_what_two_hands_hold_and_no_furniture_is_near_for_is_told_to_be_put_down
     with pytest.raises(LocationUnresolvable, match="room for tray, which two hands hold: put it down at a place"):
         stage.run(aside)
     assert len(stage.truth.holders("tray")) == 2
+
+
+def test_a_search_goes_on_where_no_hand_is_free_to_open_a_drawer(stack: ExitStack) -> None:
+    bed = thing("bed", "Bed-PieceOfFurniture", Pose((-2.5, -2.0, 0.37)), (0.8, 0.6, 0.74))
+    spoon = thing("spoon", "Spoon", Pose((-2.5, -2.0, 0.75)), (0.15, 0.03, 0.02))
+    bottles = [thing(name, "DrinkingBottle", Pose((-2.0, y, 0.1)), BOTTLE.size) for name, y in (("one", 1), ("two", 2))]
+    furnished = room(stack, (*drawn(DRAWER), bed, spoon, *bottles))
+    stage = Stage(furnished.truth, furnished.platform, furnished.executive)
+    state = stage.belief.snapshot()
+    stage.belief.restore({**state, "belief": {**state["belief"], "unknown": ["spoon"]}})
+    stage.platform.observe()
+    hold_bottle(stage, "right", name="one")
+    hold_bottle(stage, "left", name="two")
+    what = furnished.designator("spoon")
+    stage.run(lambda: perform(action("LookingForSomething", object_acted_on=what)))
+    assert stage.platform.scene.bodies.known(what) == "spoon"

@@ -77,6 +77,12 @@ def test_where_the_robot_taken_for_round_has_room_it_touches_nothing(make_stage:
     assert not touching[room >= ROOMY].any()
 
 
+def test_the_path_to_where_the_base_stands_ends_there(make_stage: MakeStage) -> None:
+    stage = make_stage()
+    here = stage.platform.base()
+    assert stage.platform.drive.path(here).positions.tolist() == [list(here)]
+
+
 def test_an_obstacle_elsewhere_than_believed_is_felt_and_driven_around(make_stage: MakeStage) -> None:
     stage = make_stage(AWAY, truth=[POST])
     drive(stage, to(3.0, 0.0))

@@ -27,7 +27,13 @@ from planlang import (
     with_failure_handling,
 )
 from planlang.designators import Condition, a_location, a_posture, action
-from planlang.failures import BehindClosedDoor, HandleNotReachable, NavigationPoseUnreachable, ObjectUnreachable
+from planlang.failures import (
+    ActionUnresolvable,
+    BehindClosedDoor,
+    HandleNotReachable,
+    NavigationPoseUnreachable,
+    ObjectUnreachable,
+)
 from planlang.language.branches import Branch
 from planlang.language.loading import load_plan
 from planlang.language.source import PlanSource
@@ -146,6 +152,17 @@ def test_doors_on_the_way_are_closed_behind_the_robot_before_it_drives_on(stack:
     drive_to_the_table(stage, tidied)
     assert stage.truth.configuration().base[0] > 4.2
     assert (stage.truth.joint("door") < 0.05, stage.truth.joint("door_2") < 0.05) == (True, True)
+
+
+def test_only_doors_between_rooms_are_closed_again(stack: ExitStack, tmp_path: Path) -> None:
+    stage = flat(stack, RoomDoor(more=table(3.5)), tmp_path)
+    for named in (stage.designator("table"), (stage.designator("door"), "door")):
+        with pytest.raises(ActionUnresolvable, match="name doors between rooms as object_acted_on"):
+            run(
+                partial(perform, action("ClosingDoorsAgain", object_acted_on=named)),
+                host=SimulationHost(stage.truth),
+                executive=stage.executive,
+            )
 
 
 @pytest.mark.long

@@ -187,3 +187,16 @@ def test_what_the_arms_do_not_span_is_refused_with_reasons(stage_of: MakeStage) 
     with pytest.raises(LocationUnresolvable, match=r"1.5 m by 1.7 m, with two hands \(\d+ candidates: ") as caught:
         taken(stage)
     assert sum(caught.value.counts.values()) > 0
+
+
+def test_a_tray_is_put_on_a_table_in_front_of_a_person_and_not_held_out(stage_of: MakeStage) -> None:
+    guest = replace(GUEST, pose=Pose((-2.3, 0.0, 0.85)))
+    stage = stage_of(TABLE, OTHER, guest, TRAY, CUP)
+    taken(stage)
+    place = a_location(on=THE_OTHER, near=a_person("Person", PLACE + "guest"))
+
+    async def put() -> None:
+        await perform(action("PuttingDownAnObject", object_acted_on=THE_TRAY, to_location=place))
+
+    stage.run(put)
+    assert (at_rest_on(stage.truth, "tray"), at_rest_on(stage.truth, "cup")) == ("other", "tray")

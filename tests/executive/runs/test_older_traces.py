@@ -82,7 +82,9 @@ def test_the_experience_of_an_older_trace_is_that_of_the_same_run_now(served: Se
         if new.child == "bottle1" and new.step > held:
             continue
         assert (*new.position, *new.orientation) == pytest.approx((*old.position, *old.orientation), abs=1e-9)
-    assert activities[0] == activities[1] > 0
+    assert 0 < activities[0] == activities[1] - 1, (
+        "handing over has a construct of its own now, to open doors before it"
+    )
 
 
 @pytest.mark.parametrize(

@@ -88,6 +88,19 @@ def test_furniture_behind_a_door_between_rooms_is_opened_after_that() -> None:
     assert run.belief.holds(Condition("open", (DOOR,)))
 
 
+def test_doors_that_are_each_behind_the_other_are_opened_once_each_and_the_failure_propagates() -> None:
+    other = an_object("Door", "http://example.org/#door2")
+    opened = []
+
+    def behind_the_other() -> PlanFailure:
+        opened.append(DOOR)
+        return BehindClosedDoor(what="handle", door=other if len(opened) % 2 else DOOR)
+
+    run = run_plan(fetching(behind_the_door()), script=Script().on("OpeningAContainerArtifact", fails=behind_the_other))
+    assert isinstance(run.failure, BehindClosedDoor)
+    assert len(opened) == 2
+
+
 def test_what_is_out_of_reach_for_another_reason_stays_so() -> None:
     run = run_plan(fetching(ObjectUnreachable(what="cup1")))
     assert isinstance(run.failure, ObjectUnreachable)

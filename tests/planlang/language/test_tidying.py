@@ -6,16 +6,31 @@ from collections.abc import Awaitable, Callable
 from typing import Any
 
 import pytest
+from loaded_plans import read
 
 from planlang import Recovery, open_what_is_in_the_way, perform, with_failure_handling
 from planlang.designators import Condition, FixedPose, Object, action, an_object
 from planlang.failures import BehindClosedDoor, ContainerStuck, ObjectUnreachable, PlanFailure
+from planlang.language.loading import load_plan
 from planlang.language.tidying import tidied
 from planlang.testing import Script, run_plan
 
 CUP = an_object("Cup", "http://example.org/#cup1")
 ONE, TWO = (an_object("Door", f"http://example.org/#door{number}") for number in (1, 2))
 BEYOND = FixedPose(x=1.0)
+LATER = """
+from planlang import Recovery, action, an_object, open_what_is_in_the_way, perform, plan
+from planlang.failures import BehindClosedDoor
+
+TABLE = an_object("KitchenTable", "http://example.org/#table1")
+DOOR, OTHER = (an_object("Door", f"http://example.org/#door{number}") for number in (1, 2))
+
+
+@plan
+async def leave_open():
+    before = Recovery(BehindClosedDoor, open_what_is_in_the_way(TABLE))
+    await perform(action("Translation-LocationChange", to_location=TABLE), recoveries=[before])
+"""
 OPEN, CLOSE, AGAIN = "OpeningAContainerArtifact", "ClosingAContainerArtifact", "ClosingDoorsAgain"
 
 
@@ -68,6 +83,18 @@ def test_a_door_that_cannot_be_closed_from_its_other_side_is_tried_again_after_t
 def test_a_door_that_was_open_before_is_left_open() -> None:
     run = run_plan(fetching(ONE, shut=False), script=script())
     assert (run.attempts(OPEN), run.attempts(CLOSE), run.attempts(AGAIN)) == (1, 0, 0)
+
+
+@pytest.mark.parametrize(("step", "closed"), [(f"{OPEN}", 0), ("LookingAtSomething", 1)])
+@pytest.mark.parametrize("needed", [(), (ONE,)])
+def test_a_door_that_a_later_step_opens_is_not_closed_again(step: str, closed: int, needed: tuple[Object, ...]) -> None:
+    later = (f'    await perform(action("{step}", object_acted_on={what}))' for what in ("OTHER", "DOOR"))
+    module = load_plan(read(LATER, *later))
+    failure = BehindClosedDoor(what="table1", door=ONE, beyond=((ONE, BEYOND),))
+    stage = script(*needed).on("Translation-LocationChange", fails=lambda: failure, times=1)
+    run = run_plan(lambda: tidied(module.leave_open), script=stage)
+    assert run.failure is None
+    assert run.attempts(CLOSE) + run.attempts(AGAIN) == closed
 
 
 def test_a_failed_plan_closes_no_door() -> None:

@@ -221,6 +221,7 @@ def test_every_recovery_is_complete_and_of_declared_strategies_and_failures(voca
     recoveries = vocabulary.individuals("Recovery")
     assert [shorten(name) for name in recoveries] == [
         "lookElsewhere",
+        "putDownFirst",
         "openFirst",
         "openFirstToPut",
         "openOnTheWay",

@@ -1,12 +1,12 @@
 """Serve a drink.
 
 Compiled by planlang 0.1.0 from serve_a_drink.omn (sha256 7b3a485023f303a1), task ServeADrink.
-What follows has sha256 3e1cfa2381189818fe358285c44f8be491efee77acbcf15dae1a921c4dfeb723 unless it was edited.
+What follows has sha256 03f2b0c648d597e73b365c202e7b967e2c36823e5fd9947b210beae2dd32be22 unless it was edited.
 """
 
 from functools import partial
 
-from planlang import Recovery, action, action_class, at_location, holding, perform, plan
+from planlang import Recovery, action, action_class, at_location, holding, perform, plan, with_failure_handling
 from planlang.designators import Object, Person, a_device, a_location, a_person, a_posture, an_object
 from planlang.failures import (
     GraspMissed,
@@ -120,12 +120,16 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
             recoveries=[Recovery(HandoverNotTaken, retries=3)],
         )
 
-    await at_location(
-        a_location("handoverPlace", in_reach_of=patient, using=GRIPPER),  # where the base stands to hand over
-        at_handover_place,
-        Recovery(ObjectNotFound, look_from_another_place(patient), retries=3),
-        Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), retries=2),
+    await with_failure_handling(
+        partial(
+            at_location,
+            a_location("handoverPlace", in_reach_of=patient, using=GRIPPER),  # where the base stands to hand over
+            at_handover_place,
+            Recovery(ObjectUndeliverable, open_what_is_in_the_way(patient), retries=2),
+            Recovery(ObjectNotFound, look_from_another_place(patient), retries=3),
+            Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), retries=2),
+            reaching=(handover_pose,),
+            by=action_class(RECIPE + "MoveBaseToHandoverPose", below="Translation-LocationChange"),
+        ),
         Recovery(ObjectUndeliverable, put_down_and_regrasp(bottle, fetch_bottle), retries=1),
-        reaching=(handover_pose,),
-        by=action_class(RECIPE + "MoveBaseToHandoverPose", below="Translation-LocationChange"),
     )
