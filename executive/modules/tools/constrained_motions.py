@@ -360,12 +360,7 @@ class ConstrainedMotions(ConstrainedWork):
         def objection(motion: GroundedMotion, solved: PhaseMotion) -> AmountNotPoured | None:
             return pouring.too_slow(action, motion, grounding.group(motion), solved.trajectory)
 
-        motion, solved = await self._solved(grounding, objection)
-        reverse = self._reverse(grounding, motion) if phase.pours else None
-        if reverse is not None:
-            solved = min(
-                (solved, reverse), key=lambda one: pouring.flowing(motion, grounding.group(motion), one.trajectory)
-            )
+        motion, solved = await self._reversed(grounding) or await self._solved(grounding, objection)
         self.platform.arms.choices.choose(motion.arms[0].name)
         self.platform.leaning |= self._leaning(motion, solved)
         async with pouring.during(action, motion, grounding.group(motion), solved.trajectory):
@@ -377,17 +372,23 @@ class ConstrainedMotions(ConstrainedWork):
         await check_flip(self.platform, motion, grounding.group(motion), rows, phase, names)
         return tuple(str(one.name) for one in solved.given_up)
 
-    def _reverse(self, grounding: Grounding, motion: GroundedMotion) -> PhaseMotion | None:
-        """Reverse the motion of the phase before, if that satisfies this phase: its flow has been predicted already."""
-        start, phase = self._start(motion), grounding.phase
-        if phase.path is None or phase.path.shape[1] != len(start) or np.abs(phase.path[-1] - start).max() > STRAY:
+    async def _reversed(self, grounding: Grounding) -> tuple[GroundedMotion, PhaseMotion] | None:
+        """Reverse the motion of the phase before, if a vessel is being poured from and that satisfies this phase.
+
+        Its flow has been predicted already, and a path that was found once need not be found again.
+        """
+        start, path = self._start(grounding.grounded()), grounding.phase.path
+        if not grounding.phase.pours or path is None or path.shape[1] != len(start):
             return None
-        rows = np.vstack([start, phase.path[-2::-1]])
+        if np.abs(path[-1] - start).max() > STRAY:
+            return None
+        await self._look(grounding)
+        motion, rows = grounding.grounded(), np.vstack([start, path[-2::-1]])
         problem = grounding.problem(motion)
         functions = ConstraintFunctions(problem.group, [Bound.of(one, problem.where) for one in motion.constraints])
         if functions.excess(functions.all_values(rows[-1:])).max(initial=0.0) > 1.0 or problem.hits(rows[1:]):
             return None
-        return PhaseMotion(Trajectory(problem.group.names, rows), (), ())
+        return motion, PhaseMotion(Trajectory(problem.group.names, rows), (), ())
 
     async def _resume_phase(self, action: Action, grounding: Grounding) -> None:
         """Repeat the phase before if its tools have been grasped anew since, because this phase begins at its end.

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from executive.belief.scene_collisions import BasePose
+from executive.belief.scene_collisions import BasePose, SceneCollisions
 from executive.locations.grasp_candidates import upright
 from executive.modules.platform import Platform
 from executive.modules.tools.lanes import LIFTED
@@ -37,8 +37,8 @@ CELL = 0.06
 """Spacing of the table's positions [m]: that of waypoints along a lane."""
 HEADINGS = 12
 """Number of headings of the tool in the table."""
-TORSOS = 3
-"""Positions of a torso that lifts the arm, besides the present one."""
+TORSOS, RAISED = 3, 13
+"""Positions of a torso that lifts the arm, besides the present one, and of those from which they are selected."""
 BRANCHES = 2
 """Most branches of inverse kinematics at each of them."""
 SEEDS = 8
@@ -190,7 +190,11 @@ def lane_reach(
     arm, scene = motion.arms[0], platform.scene
     start, check = platform.joints(arm.joints), scene.collisions.arm_check(arm, None, ())
     table = _table(grounding, motion, plane, start, point)
-    branches = [] if table is None else [(torso, one) for torso in table.torsos(start) for one in table.branches(torso)]
+    branches = (
+        []
+        if table is None
+        else [(torso, one) for torso in torso_positions(arm, start, scene.collisions) for one in table.branches(torso)]
+    )
     if table is None or not branches:
         return None
     torsos, postures = (
@@ -207,6 +211,19 @@ def lane_reach(
         return bool(grounding.touching(motion, q, base))
 
     return LaneReach(table, torsos, postures, table.ease(postures, check, hits_itself), check, touches)
+
+
+def torso_positions(arm: ArmModel, start: Array, collisions: SceneCollisions) -> list[float]:
+    """List positions of the torso [m]: that at joint positions ``start`` (d,), and some over its range; nan without.
+
+    At none of the others the robot's other parts collide with each other, such as the other arm with the base.
+    """
+    lift = arm.lift
+    if lift is None:
+        return [math.nan]
+    free = collisions.lifted(arm, np.linspace(lift.lowest, lift.highest, RAISED).tolist())
+    now, some = float(start[lift.column]), np.linspace(0, len(free) - 1, min(TORSOS, len(free))).round().astype(int)
+    return [now, *(free[k] for k in some.tolist() if abs(free[k] - now) > CELL)]
 
 
 def _table(grounding: Grounding, motion: GroundedMotion, plane: Plane, start: Array, point: Array) -> _Table | None:
@@ -254,14 +271,6 @@ class _Table:
     def corner(self) -> Array:
         """Position of the first entry in the base's frame (2,)."""
         return np.asarray((np.rint(self.arm.shoulder_low[:2] / CELL) - self.count // 2) * CELL)
-
-    def torsos(self, start: Array) -> list[float]:
-        """List positions of the torso: that at ``start`` (d,), and some over its range; nan if it does not lift."""
-        lift = self.arm.lift
-        if lift is None:
-            return [math.nan]
-        now, every = float(start[lift.column]), np.linspace(lift.lowest, lift.highest, TORSOS).tolist()
-        return [now, *(one for one in every if abs(one - now) > CELL)]
 
     def branches(self, torso: float) -> Iterator[Array]:
         """Yield branches of postures (h, n, n, d) with the torso at a position, nan where there are none.

@@ -109,11 +109,6 @@ class Pouring:
         flows = (flow for flow in self._flows(motion, group, trajectory.positions) if flow.turned[-1])
         return next((problem for flow in flows if (problem := self._begin(flow, action, motion)) is not None), None)
 
-    def flowing(self, motion: GroundedMotion, group: ArmGroup, trajectory: Trajectory) -> float:
-        """Compute how much flows during a motion out of the vessels being poured from [ml]."""
-        flows = self._flows(motion, group, trajectory.positions)
-        return sum(self._foreseen(flow) for flow in flows if flow.name in self._phase.pours)
-
     def _flows(self, motion: GroundedMotion, group: ArmGroup, rows: Array) -> Iterator[Flow]:
         """Yield the vessels in the arms of a motion (m, n) that it turns over, or that are being poured from."""
         platform = self._platform

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from executive.modules.tools.lane_reach import torso_positions
 from executive.modules.tools.lanes import HAND, Surface
+from executive.robots.arms import ArmModel, Lift
 from executive.runs.options import Outcome, RunOptions
 from executive.runs.plan_run import run_plan_file
 from planlang.files import bundled
@@ -45,6 +49,14 @@ def test_lanes_go_to_the_edge_where_nothing_is_in_the_way_of_the_hand(
 ) -> None:
     places = _places(make_stage, *bodies)
     assert np.abs(places[:, :2]).max(axis=0) == pytest.approx([0.25 - WIDTH / 2, 0.4 - WIDTH / 2])
+
+
+def test_the_torso_is_lowered_for_wiping_only_as_far_as_the_other_arm_stays_clear_of_the_base() -> None:
+    arm = cast(ArmModel, SimpleNamespace(lift=Lift("spindle", 0, 0.09, 0.39, 1.0)))
+    collisions = cast(Any, SimpleNamespace(lifted=lambda _, every: tuple(one for one in every if one > 0.13)))
+    now, *others = torso_positions(arm, np.array([0.25, 1.0]), collisions)
+    assert now == 0.25
+    assert others == pytest.approx([0.14, 0.39])
 
 
 def test_no_lane_is_where_walls_leave_no_room_for_the_hand(make_stage: MakeStage) -> None:
