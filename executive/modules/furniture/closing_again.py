@@ -63,7 +63,9 @@ class ClosingAgain(PlatformModule):
                 scene.belief.tell("stays open", {"name": leaf, "because": str(failure)})
         if any(one > NEARBY for one in apart(place, self.platform.base())):
             x, y, yaw = place
-            await perform(action("Translation-LocationChange", x=x, y=y, yaw=yaw))
+            # a hand that could not be drawn back from the last door keeps the base there at first
+            again = Recovery(NavigationFailure, step_back_and_repeat(next(iter(doors.values()))), retries=2)
+            await perform(action("Translation-LocationChange", x=x, y=y, yaw=yaw), recoveries=[again])
         return tuple(stay_open)
 
     def _doors(self, request: Action) -> dict[str, Object]:
