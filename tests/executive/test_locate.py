@@ -295,7 +295,7 @@ def test_a_phrase_that_is_of_no_place_cannot_be_used_and_is_told_why(
     ("phrase", "of", "said"),
     [
         ("on the door", "the bottle", "too small for the object"),
-        ("in cabinet1", "the bottle", "no room for the object; in the way: cabinet1"),
+        ("in cabinet1", "the bottle", "no room for the object; in the way: a wall of room1 1, cabinet1"),
         ("in reach of the bed from the top", None, "not by a top grasp"),
     ],
 )
