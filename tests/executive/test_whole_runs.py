@@ -164,7 +164,7 @@ def test_a_patient_who_does_not_take_it_leaves_the_bottle_in_the_gripper(run_in:
     result, _ = run_in(asleep)
     assert (result.outcome, result.final_state) == (
         Outcome.FAILED,
-        ("bottle1: still held by robot, in the right hand",),
+        ("bottle1: still held by robot, in the left hand",),
     )
     assert result.failures[0] == "HandoverNotTaken"
     assert "bottle1, recipient patient1" in result.message
