@@ -95,10 +95,12 @@ class Drive:
             check_reach()
             tried = checked = 0
             for aside in Standing(scene).beside(start[2], BACK_OFF):
+                if tried == BACKED_OFF:
+                    break
                 line = np.array([start, aside])
                 poses = list(poses_along(line, checks))
                 checked += len(poses)
-                if tried < BACKED_OFF and not any(touching(*pose) for pose in poses):
+                if not any(touching(*pose) for pose in poses):
                     tried += 1
                     for plan in (partial(roomy, room), partial(tight, 0.0, grid)):
                         with suppress(NoPath):

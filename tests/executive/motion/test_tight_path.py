@@ -131,3 +131,9 @@ def test_a_lintel_over_a_doorway_takes_no_room() -> None:
     assert reached((1.0, 3.0, 0.0), boxes, disc(), -SPARE)(there)[0]
     lower = Boxes.around([*sides, Pose((3.0, 3.0, 1.0))], [(0.1, 2.5, 2.0), (0.1, 2.5, 2.0), (0.1, 1.0, 1.0)])
     assert not reached((1.0, 3.0, 0.0), lower, disc(), -SPARE)(there)[0]
+
+
+def test_the_cells_between_are_centred_on_the_corners_of_cells() -> None:
+    between = GRID.between()
+    assert (between.rows, between.columns, between.resolution) == (GRID.rows - 1, GRID.columns - 1, GRID.resolution)
+    assert between.centres()[3, 5] == pytest.approx(GRID.centres()[3:5, 5:7].mean(axis=(0, 1)))
