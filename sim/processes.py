@@ -16,6 +16,7 @@ from planlang.geometry import Pose
 from planlang.geometry.matrices import turned_up
 from planlang.records import dataclass
 from planlang.state import Matter, Queries, WorldState, flow, warm
+from planlang.state.questions import POURS
 from sim.bodies import BLADE, axes_of
 from sim.contact import HeldObject
 from sim.falling import Falling
@@ -70,7 +71,7 @@ class Processes:
         """Empty held vessels whose axis points down."""
         for name in tuple(self._world.held):
             body, pose = self._bodies.bodies[name], self._bodies.poses[name]
-            if name in self._world.matter.contents and body.capacity > 0 and pose.rotation[2, 2] < 0:
+            if name in self._world.matter.contents and body.capacity > 0 and pose.rotation[2, 2] < POURS:
                 mouth = pose @ Pose((0.0, 0.0, body.size[2] / 2))
                 amount = self._queries.rules.flow_rate * seconds
                 state, flowed, _ = flow(self._world.world_state(), name, amount, mouth.position, self._queries)

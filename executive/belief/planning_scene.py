@@ -27,6 +27,7 @@ from planlang.language.performing import actions_around
 from planlang.protocols import Configuration
 from planlang.records import dataclass
 from planlang.state import WorldState
+from planlang.state.questions import POURS
 from sim import PlanningWorld, WorldMirror
 
 if TYPE_CHECKING:
@@ -265,13 +266,18 @@ class RobotArms(ScenePart):
         return () if gripper is None else tuple(joints[name] for name in gripper.joints)
 
     def held(self, arm: str) -> Held | None:
-        """Look up the object that an arm is believed to hold; its tilt is limited only if it was grasped upright."""
+        """Look up the object that an arm is believed to hold.
+
+        Its tilt is limited if it was grasped upright; that of one that lay, only while it has contents to spill.
+        """
         for name, grip in self._belief.held.items():
             for hand in grip.hands:
                 if hand.arm == arm:
-                    limit = self._world.scene.body(name).largest_tilt
-                    upright = limit is not None and float(grip.before.rotation[2, 2]) >= math.cos(limit)
-                    return Held(name, hand.offset, self._world.size(name), limit if upright else None)
+                    limit, up = self._world.scene.body(name).largest_tilt, float(grip.before.rotation[2, 2])
+                    if limit is not None and up < math.cos(limit):
+                        lies_full = up >= POURS and self._belief.state.matter.total(name) > 0
+                        limit = math.pi / 2 if lies_full else None
+                    return Held(name, hand.offset, self._world.size(name), limit)
         return None
 
     def mates(self, arm: str) -> list[ArmModel]:

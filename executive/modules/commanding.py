@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from copy import copy
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import partial
 from typing import NoReturn, Self, TypeVar
 
@@ -18,6 +18,7 @@ from executive.belief.obstacles import EDGE, NAMES, behind
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose, pinched
 from executive.locations.views import NO_SCREENS, hiding
+from executive.modules.flowing import Flowing
 from executive.modules.out_of_arms import out_of_arms
 from executive.motion import time_path
 from executive.robots import Robot
@@ -64,6 +65,8 @@ class Control:
     handle: RobotHandle
     belief: Belief
     scene: PlanningScene
+    flowing: Flowing = field(init=False)
+    """What flows out of vessels in the hands meanwhile."""
 
     @property
     def world(self) -> RobotInterface:
@@ -123,23 +126,24 @@ class Control:
         hand of :meth:`watched` no longer feels its object, and the failure of the group if the robot reports one.
         """
         group = Group.of(group)
-        self.world.start(group, trajectory, pushes=pushes)
-        try:
-            while not await self.wait_holding(
-                self.watched(group),
-                lambda: self.world.motion(group).state is not MotionState.MOVING,
-                f"{group} at rest",
-                None if closes is None else GLANCE,
-            ):
-                if closes is not None and closes(trajectory):
-                    break
-            motion = self.world.motion(group)
-            if motion.state is MotionState.FAILED:
-                raise _failed(group, motion.reason)
-            return motion
-        finally:
-            self.world.halt(group)
-            self.observe()
+        with self.flowing.during(group.arms, trajectory):
+            self.world.start(group, trajectory, pushes=pushes)
+            try:
+                while not await self.wait_holding(
+                    self.watched(group),
+                    lambda: self.world.motion(group).state is not MotionState.MOVING,
+                    f"{group} at rest",
+                    None if closes is None else GLANCE,
+                ):
+                    if closes is not None and closes(trajectory):
+                        break
+                motion = self.world.motion(group)
+                if motion.state is MotionState.FAILED:
+                    raise _failed(group, motion.reason)
+                return motion
+            finally:
+                self.world.halt(group)
+                self.observe()
 
     # What the hands hold
 
@@ -173,6 +177,7 @@ class Control:
                     self._lose(name, arm)
 
     def _lose(self, what: str, arm: str) -> NoReturn:
+        self.flowing.catch_up()
         self.belief.lost(what, self.below(what))
         raise ObjectLost(what=what) from GraspSlipped(arm=arm, what=what)
 
@@ -285,6 +290,7 @@ class Hands:
         control.world.grip(link)
         offset = control.world.link_pose(link).inverse() @ control.belief.pose(name)
         control.belief.grasped(name, arm.name, link, offset)
+        control.flowing.catch_up()
         if riders := control.scene.world.riders(name):
             control.belief.loaded(name, riders)
 

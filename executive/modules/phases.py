@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import field
 
+from planlang.designators import Action
 from planlang.geometry import Array, Pose
 from planlang.kept import Latest
 from planlang.language.plans import innermost_plan
@@ -21,16 +22,16 @@ MOST = 16
 class Pour:
     """Liquid being poured out of a vessel; amounts in ml."""
 
-    by: str
-    """Class of the action that tilted the vessel."""
+    by: Action
+    """Action that turned the vessel over."""
     asked: float
     """Amount to pour."""
     into: str | None = None
-    """Receiving vessel; None when pouring onto a surface."""
-    flowed: float = 0.0
-    """Amount that has left the vessel; with a receiving vessel, that has arrived in it."""
-    until: float = 0.0
-    """Plan time up to which ``flowed`` is counted [s]."""
+    """Vessel that receives it, or surface; None if that is not known."""
+    before: float = 0.0
+    """Amount out of the vessel that had arrived there before."""
+    over: tuple[MotionConstraint, ...] = ()
+    """Active constraints of the phase before that action."""
 
 
 @dataclass(slots=True)

@@ -27,6 +27,7 @@ from executive.modules.arm_paths import ArmPaths
 from executive.modules.carrying import is_near, upright_postures
 from executive.modules.commanding import Control, Hands, Sensing
 from executive.modules.drive import Drive
+from executive.modules.flowing import Flowing
 from executive.modules.phases import Phases
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel
@@ -209,12 +210,13 @@ class Arms(ArmPaths):
     def postures(self, arm: ArmModel, name: str) -> list[Array]:
         """Find joint positions (d,) for a named posture that keep the held object upright, best first.
 
-        Empty if nothing near the posture does. Raises ActionUnresolvable as :meth:`posture` does.
+        If nothing near the posture does: empty, or the posture itself for an object that may lie. Raises
+        ActionUnresolvable as :meth:`posture` does.
         """
         named, held = self.posture(arm, name), self._control.scene.arms.held(arm.name)
         if held is None or held.largest_tilt is None:
             return [named]
-        return upright_postures(self._control, arm, held, named)
+        return upright_postures(self._control, arm, held, named) or [named] * held.may_lie
 
     def untucked(self) -> list[tuple[ArmModel, Array]]:
         """List the arms that are not in the carrying posture, each with its joint positions there (d,).
@@ -230,7 +232,9 @@ class Arms(ArmPaths):
         q, named = self._control.arm_joints(arm), self.posture(arm, CARRYING)
         held = self._control.scene.arms.held(arm.name)
         if held is not None and held.largest_tilt is not None:
-            return is_near(arm, held, named, q)
+            upright = is_near(arm, held, named, q)
+            if upright or not held.may_lie:
+                return upright
         away = np.abs(q - named)
         return bool((away if arm.lift is None else np.delete(away, arm.lift.column)).max() <= 1e-3)
 
@@ -324,6 +328,7 @@ class Platform(Control):
             self.belief.missed(solution.reach.body, arm.name, base)
 
     def __post_init__(self) -> None:
+        self.flowing = Flowing(self.belief, self.scene, self.world.rate)
         self.drive, self.hands, self.sensing = Drive(self), Hands(self), Sensing(self)
         self.arms, self.phases, self.ahead = Arms(self, self.rng), Phases(), Foresight(self.scene, self.resolver)
         self.observe()

@@ -72,6 +72,11 @@ class Held:
     """Greatest angle between its z axis and the vertical [rad]; None for any orientation."""
 
     @property
+    def may_lie(self) -> bool:
+        """Whether it may be tilted as far as to lie, if not any farther."""
+        return self.largest_tilt is None or self.largest_tilt >= math.pi / 2
+
+    @property
     def up(self) -> Array:
         """Its z axis in the tip frame, (3,)."""
         return np.asarray(self.pose.rotation[:, 2])

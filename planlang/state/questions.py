@@ -16,6 +16,8 @@ from planlang.state.world import WorldState
 Point = tuple[float, float, float]
 LEAST = 1e-6
 """Tolerance of amounts [ml]: less than this counts as nothing."""
+POURS = -1e-3
+"""Vertical component of a vessel's unit axis below which it pours: beyond rounding, so that a lying one does not."""
 
 
 class Thing(Protocol):

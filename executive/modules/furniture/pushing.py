@@ -18,8 +18,7 @@ import numpy as np
 from executive.modules.furniture.leaf_pushing import LeafStrokes
 from executive.modules.platform import Platform
 from executive.modules.runner import Skill
-from executive.modules.tools.constrained_motions import constraints_of
-from executive.modules.tools.motion_grounding import Grounding
+from executive.modules.tools.motion_grounding import Grounding, constraints_of
 from executive.modules.tools.strokes import Plane, StrokeWork
 from executive.robots.arms import ArmModel
 from planlang.designators import Action, Device, Location, Object, a_location, resting_on

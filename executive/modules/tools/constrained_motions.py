@@ -21,9 +21,10 @@ from executive.locations import Rejections
 from executive.locations.changes import Changes
 from executive.locations.shut_ways import check_way_to
 from executive.modules.arm.hand_work import HandWork
+from executive.modules.phases import Phase
 from executive.modules.platform import Platform
 from executive.modules.runner import Skill, nothing
-from executive.modules.tools.motion_grounding import UP, GroundedMotion, Grounding
+from executive.modules.tools.motion_grounding import UP, GroundedMotion, Grounding, constraints_of
 from executive.modules.tools.pouring import Pouring
 from executive.modules.tools.turning_over import check_flip
 from executive.motion import MotionError
@@ -33,9 +34,8 @@ from executive.motion.constraint_functions import Bound, ConstraintFunctions
 from executive.motion.errors import ConstraintsContradict, NoConstrainedPath
 from executive.robots.arms import ArmModel, too_far
 from planlang.advice import Advice
-from planlang.designators import Action, Location, Object, action, snake_case
+from planlang.designators import Action, action
 from planlang.failures import (
-    ActionUnresolvable,
     AmountNotPoured,
     LookingFailure,
     NavigationFailure,
@@ -47,7 +47,7 @@ from planlang.geometry import Array, Pose
 from planlang.kernel import checkpoint, compute_in_thread
 from planlang.language.performing import perform
 from planlang.language.process_module import process_module
-from planlang.motion_constraints import STANDING_FOR, ConstraintsUnsatisfied, Feature, MotionConstraint
+from planlang.motion_constraints import ConstraintsUnsatisfied, MotionConstraint
 from planlang.protocols import Group, GroupKind, Trajectory
 
 INSIDE = 1 / 3
@@ -84,10 +84,11 @@ class ConstrainedWork(HandWork):
     ) -> tuple[GroundedMotion, PhaseMotion]:
         """Solve the motion from here, or drive to where it can be solved and repeat the phase before there.
 
-        The base does not move during a pour. Raises ConstraintsUnsatisfied, a NavigationFailure, or the failure of
-        ``objection``.
+        The base does not move while a vessel is turned over. Raises ConstraintsUnsatisfied, a NavigationFailure, or the
+        failure of ``objection``.
         """
         here, moves, unsolved = self.platform.base(), self._is_mobile(), ConstraintsUnsatisfied()
+        phase = grounding.phase
         await self._look(grounding)
 
         async def solved(_: object) -> tuple[GroundedMotion, PhaseMotion]:
@@ -119,7 +120,7 @@ class ConstrainedWork(HandWork):
         try:
             return motion, await compute_in_thread(partial(last, grounding, motion, explains=True))
         except ConstraintsUnsatisfied as failure:
-            if not moves or grounding.phase.pours or failure.blocked_by is not None or len(failure.constraints) != 1:
+            if not moves or self._is_pouring(phase) or failure.blocked_by is not None or len(failure.constraints) != 1:
                 raise
             possible = partial(self._ends_somewhere, grounding)
             reason, advice = await compute_in_thread(partial(_out_of_reach, self.platform, motion, possible))
@@ -141,12 +142,16 @@ class ConstrainedWork(HandWork):
         at_ease = self.platform.standing().is_at_ease(_middle(motion), motion.arms)
         if phase.before or not self._is_mobile() or (at_ease and await self._end_at(grounding, here) is not None):
             yield here, None
-        for place in islice(self._free(motion), LOOKED_AT) if self._is_mobile() and not phase.pours else ():
+        for place in islice(self._free(motion), LOOKED_AT) if self._is_mobile() and not self._is_pouring(phase) else ():
             end = await self._end_at(grounding, place)
             if end is not None and phase.before:
                 end = await self._end_at(grounding.before(), place)
             if end is not None:
                 yield place, end
+
+    def _is_pouring(self, phase: Phase) -> bool:
+        """Check whether a vessel that is being poured from is turned over."""
+        return any(flow.name in phase.pours and flow.turned[-1] for flow in self.platform.flowing.flows())
 
     def _ends_somewhere(self, grounding: Grounding, scene: PlanningScene) -> bool:
         """Check whether the goal can be reached from any of the first base poses in a scene that is supposed."""
@@ -353,21 +358,28 @@ class ConstrainedMotions(ConstrainedWork):
             phase.before = ()
             await checkpoint()
             return ()
-        grounding = Grounding(self.platform, constraints, phase)
-        await self._resume_phase(action, grounding)
-        pouring = Pouring(self.platform, phase)
+        grounding, pouring = Grounding(self.platform, constraints, phase), Pouring(self.platform, phase)
+        await self._resume_phase(action, pouring)
+        if pouring.is_done(action):
+            phase.before = ()
+            return ()
+        return await self._moved(action, grounding, pouring)
+
+    async def _moved(self, action: Action, grounding: Grounding, pouring: Pouring) -> tuple[str, ...]:
+        """Make a motion from where the phase before ended, and pour; return the names of constraints dropped."""
+        phase = grounding.phase
 
         def objection(motion: GroundedMotion, solved: PhaseMotion) -> AmountNotPoured | None:
-            return pouring.too_slow(action, motion, grounding.group(motion), solved.trajectory)
+            return pouring.too_slow(action, motion, solved.trajectory)
 
         motion, solved = await self._reversed(grounding) or await self._solved(grounding, objection)
         self.platform.arms.choices.choose(motion.arms[0].name)
         self.platform.leaning |= self._leaning(motion, solved)
-        async with pouring.during(action, motion, grounding.group(motion), solved.trajectory):
+        async with pouring.during(action, motion, solved.trajectory):
             await self.gone(motion, solved.trajectory)
             self._check_end(grounding, motion, solved)
         self._straightened()
-        phase.before, phase.taken, phase.path = tuple(constraints), self.taken(), solved.trajectory.positions
+        phase.before, phase.taken, phase.path = grounding.constraints, self.taken(), solved.trajectory.positions
         names, rows = grounding.world_things(), solved.trajectory.positions
         await check_flip(self.platform, motion, grounding.group(motion), rows, phase, names)
         return tuple(str(one.name) for one in solved.given_up)
@@ -390,23 +402,29 @@ class ConstrainedMotions(ConstrainedWork):
             return None
         return motion, PhaseMotion(Trajectory(problem.group.names, rows), (), ())
 
-    async def _resume_phase(self, action: Action, grounding: Grounding) -> None:
+    async def _resume_phase(self, action: Action, pouring: Pouring) -> None:
         """Repeat the phase before if its tools have been grasped anew since, because this phase begins at its end.
 
-        Not after a pour: the liquid has flowed, so the phase before is not repeated and this one begins anywhere.
+        After a pour only the rest is poured; if there is none, this phase begins anywhere.
         """
-        taken, phase = self.taken(), grounding.phase
+        taken, phase = self.taken(), pouring.phase
         tools = set(phase.tools.values()) & taken.keys() & phase.taken.keys()
         if all(phase.taken[name] == taken[name] for name in tools):
             return
-        if any(pour.by != action.type for pour in phase.pours.values()):
+        poured = [pour for pour in phase.pours.values() if pour.by.type != action.type]
+        if poured:
+            phase.before = poured[0].over
+        if poured and pouring.is_done(poured[0].by):
             phase.before = ()
-            return
-        first = Grounding(self.platform, phase.before, replace(phase, before=(), pours={}))
-        motion, solved = await self._solved(first)
-        await self.gone(motion, solved.trajectory)
-        self._check_end(first, motion, solved)
+        if phase.before:
+            first = Grounding(self.platform, phase.before, replace(phase, before=(), pours={}))
+            motion, solved = await self._solved(first)
+            await self.gone(motion, solved.trajectory)
+            self._check_end(first, motion, solved)
         phase.taken = taken
+        if poured and not pouring.is_done(poured[0].by):
+            again = [one for one in constraints_of(poured[0].by) if one.is_active]
+            await self._moved(poured[0].by, Grounding(self.platform, again, phase), pouring)
 
 
 TRIES = 30
@@ -427,33 +445,6 @@ def unsatisfied(motion: GroundedMotion, problem: MotionError) -> ConstraintsUnsa
     names = tuple(dict.fromkeys(str(one.name or one) for one in problem.constraints))
     blocking = next((body for _, body in problem.pairs), None)
     return ConstraintsUnsatisfied(str(problem).partition(": ")[2], arm=arm, blocked_by=blocking, constraints=names)
-
-
-def constraints_of(action: Action) -> tuple[MotionConstraint, ...]:
-    """Read the constraints of an action, with placeholders replaced by the objects that it names.
-
-    Raises ActionUnresolvable if the action does not name such an object.
-    """
-    stated = action.get("constrained_by")
-    every = stated if isinstance(stated, tuple) else (stated,)
-    return tuple(
-        replace(one, tool=_resolved(one.tool, action), world=_resolved(one.world, action))
-        for one in every
-        if isinstance(one, MotionConstraint)
-    )
-
-
-def _resolved(feature: Feature, action: Action) -> Feature:
-    """Replace the placeholder object of a feature by the object that the action names for its role."""
-    if feature.of.type not in STANDING_FOR:
-        return feature
-    role = snake_case(STANDING_FOR[feature.of.type])
-    filler = action.get(role)
-    parts = filler.objects() if isinstance(filler, Location) else (filler,)
-    what = next((one for one in parts if isinstance(one, Object)), None)
-    if what is None:
-        raise ActionUnresolvable(f"the constraint on {feature} needs {role}; state it", designator=str(action))
-    return replace(feature, of=what)
 
 
 def _middle(motion: GroundedMotion) -> Array:

@@ -19,11 +19,19 @@ from executive.motion.arm_group import ArmGroup
 from executive.motion.constrained_ends import JointRates, MotionProblem
 from executive.motion.constraint_functions import Surroundings
 from executive.robots.arms import ArmModel
-from planlang.designators import Device, Object
+from planlang.designators import Action, Device, Location, Object, snake_case
 from planlang.failures import ActionUnresolvable, ObjectUnresolvable
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, product
-from planlang.motion_constraints import ConstraintKind, Feature, FeatureKind, MotionConstraint, a_constraint, a_feature
+from planlang.motion_constraints import (
+    STANDING_FOR,
+    ConstraintKind,
+    Feature,
+    FeatureKind,
+    MotionConstraint,
+    a_constraint,
+    a_feature,
+)
 from planlang.records import dataclass
 
 PALM = 0.1
@@ -255,3 +263,30 @@ class Grounding:
             return Pose.planar(0.0, 0.0, base[2]).rotation
         turn = Pose.planar(0.0, 0.0, base[2] - self._platform.base()[2]).rotation
         return product(turn, world.link_pose(link).rotation)
+
+
+def constraints_of(action: Action) -> tuple[MotionConstraint, ...]:
+    """Read the constraints of an action, with placeholders replaced by the objects that it names.
+
+    Raises ActionUnresolvable if the action does not name such an object.
+    """
+    stated = action.get("constrained_by")
+    every = stated if isinstance(stated, tuple) else (stated,)
+    return tuple(
+        replace(one, tool=_resolved(one.tool, action), world=_resolved(one.world, action))
+        for one in every
+        if isinstance(one, MotionConstraint)
+    )
+
+
+def _resolved(feature: Feature, action: Action) -> Feature:
+    """Replace the placeholder object of a feature by the object that the action names for its role."""
+    if feature.of.type not in STANDING_FOR:
+        return feature
+    role = snake_case(STANDING_FOR[feature.of.type])
+    filler = action.get(role)
+    parts = filler.objects() if isinstance(filler, Location) else (filler,)
+    what = next((one for one in parts if isinstance(one, Object)), None)
+    if what is None:
+        raise ActionUnresolvable(f"the constraint on {feature} needs {role}; state it", designator=str(action))
+    return replace(feature, of=what)

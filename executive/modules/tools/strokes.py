@@ -17,8 +17,8 @@ import numpy as np
 
 from executive.belief.scene_collisions import BasePose
 from executive.modules.runner import Skill
-from executive.modules.tools.constrained_motions import ConstrainedWork, constraints_of, unsatisfied
-from executive.modules.tools.motion_grounding import GroundedMotion, Grounding
+from executive.modules.tools.constrained_motions import ConstrainedWork, unsatisfied
+from executive.modules.tools.motion_grounding import GroundedMotion, Grounding, constraints_of
 from executive.motion import MotionError
 from executive.motion.constrained_ends import BEGINNINGS
 from executive.motion.errors import OutOfEffort

@@ -2,8 +2,7 @@
 
 import pytest
 
-from executive.modules.tools.constrained_motions import constraints_of
-from executive.modules.tools.motion_grounding import Grounding
+from executive.modules.tools.motion_grounding import Grounding, constraints_of
 from planlang import perform
 from planlang.designators import Device, a_location, action, an_object
 from planlang.failures import ActionUnresolvable

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
-import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from executive.modules.tools import constrained_motions
-from executive.modules.tools.pouring import Flow, Pouring
+from executive.modules.tools.pouring import Pouring
 from executive.motion.constrained_motion import PhaseMotion
 from executive.motion.errors import NoConstrainedPath
 from planlang.designators import Action
 from planlang.failures import AmountNotPoured
-from planlang.geometry import Pose
 from sim import PyBulletWorld
 from sim.truth import held_by
 from tests.support.extras import skip_without_pr2
@@ -36,18 +31,10 @@ Class: PourIt
 """
 
 
-@given(st.lists(st.booleans(), min_size=1, max_size=30), st.integers(0, 60))
-def test_a_vessel_flows_while_it_is_turned_over_and_after_the_motion_if_it_ends_so(
-    turned: list[bool], steps: int
-) -> None:
-    flow = Flow("cup1", cast(Any, SimpleNamespace()), Pose((0.0, 0.0, 0.0)), np.array(turned))
-    states = turned + [turned[-1]] * 60
-    assert flow.steps(steps) == sum(states[:steps])
-
-
 @pytest.mark.long
+@pytest.mark.parametrize("steps", [60, 161], ids=["held_over", "being_turned_back"])
 def test_when_the_vessel_is_lost_in_mid_pour_only_the_rest_is_poured(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steps: int
 ) -> None:
     skip_without_pr2("--robot pr2")
     step, over = PyBulletWorld.step, [0]
@@ -55,14 +42,14 @@ def test_when_the_vessel_is_lost_in_mid_pour_only_the_rest_is_poured(
     def stepped(world: PyBulletWorld) -> None:
         if held_by(world, "cup1") == "robot" and world.pose("cup1").rotation[2, 2] < 0:
             over[0] += 1
-            if over[0] == 60:
+            if over[0] == steps:
                 world.release("cup1")
         step(world)
 
     def poured(watched: Watched) -> Iterator[str]:
         """The amount is in the pan, and was poured in two parts."""
         amount = watched.world.matter.total("PancakeMix_on_pan1")
-        if over[0] <= 60 or abs(amount - 120.0) > 1.0:
+        if over[0] <= steps or abs(amount - 120.0) > 1.0:
             yield f"{amount:.1f} ml were poured in {over[0]} steps"
 
     monkeypatch.setattr(PyBulletWorld, "step", stepped)
