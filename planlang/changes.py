@@ -64,7 +64,10 @@ Change = Transformed | TurnedOver | Switched | Poured
 
 @dataclass(frozen=True, slots=True)
 class Simulated:
-    """What has happened in a world by its own physics since it began: all that needs no declaration of effects."""
+    """What has happened in a world by its own physics since it began: all that needs no declaration of effects.
+
+    Of what a robot believes, it is what its motions have poured.
+    """
 
     flowed: Mapping[str, float] = field(default_factory=dict)
     """Vessel -> volume that has flowed out of it, as a hand tilted it [ml]."""
@@ -73,11 +76,15 @@ class Simulated:
     switched: Mapping[str, int] = field(default_factory=dict)
     """Device -> number of times that a hand has switched it."""
 
+    def flowed_since(self, since: Simulated, vessel: str) -> float:
+        """Compute how much has flowed out of a vessel since an earlier moment [ml]."""
+        return self.flowed.get(vessel, 0.0) - since.flowed.get(vessel, 0.0)
+
     def left_of(self, change: Change, since: Simulated) -> Change | None:
         """Return what of a change has not happened by physics since an earlier moment; None if nothing is left."""
         match change:
             case Poured(source, target, amount):
-                left = amount - self.flowed.get(source, 0.0) + since.flowed.get(source, 0.0)
+                left = amount - self.flowed_since(since, source)
                 return Poured(source, target, left) if left > 0 else None
             case TurnedOver(name):
                 return change if self.carried.get(name) == since.carried.get(name) else None

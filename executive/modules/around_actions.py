@@ -15,6 +15,7 @@ from executive.modules.tools.turning_over import check_turned
 from planlang.changes import TurnedOver
 from planlang.designators import Action, Location, Object, action, local_name
 from planlang.failures import (
+    AmountNotPoured,
     GripperGoalNotReached,
     LookingFailure,
     ObjectNotTurned,
@@ -35,14 +36,16 @@ class RobotModule(ModuleOnce):
         """Wrap ``module``. ``finding``: action classes that search for objects themselves."""
         super().__init__(module)
         self._platform, self._effects, self._finding = platform, effects, finding
-        self.failures = (*module.failures, PerceptionFailure, LookingFailure, ObjectNowhereToBeFound, ObjectNotTurned)
+        around = PerceptionFailure, LookingFailure, ObjectNowhereToBeFound, ObjectNotTurned, AmountNotPoured
+        self.failures = (*module.failures, *around)
         self._by_motions = [kind for name in stated_as_before(module) for kind in LEFT_TO_MOTIONS[name]]
 
     async def execute(self, action: Action) -> Any:
         """Search for unknown objects, perform the action, then apply its effects.
 
         Raises ObjectNowhereToBeFound if a search fails, PlanStructureError if the module has changed the world by
-        itself, and ObjectNotTurned if the action's class turns objects over and none has turned.
+        itself, ObjectNotTurned if the action's class turns objects over and none has turned, and AmountNotPoured if it
+        states more than the vessel held, or the other one had room for.
         """
         effects = self._effects
         effects.catch_up()
@@ -68,6 +71,8 @@ class RobotModule(ModuleOnce):
         there = effects.lying(action)
         effects.apply(action, begun)
         effects.restored()
+        if begun.missed:
+            raise begun.missed[0]
         if there == {}:
             raise ObjectNotTurned(f"there is nothing that {local_name(action.type)} could turn over")
         if there and any(isinstance(change, TurnedOver) for change in begun.done_by_motions):

@@ -13,11 +13,12 @@ from dataclasses import field, replace
 from itertools import count, islice
 
 from executive.maps.classes import known
+from executive.modules.flowing import within
 from executive.modules.platform import Platform
 from planlang.changes import Change, Output, Physics, Poured, Simulated, Switched, Transformed, TurnedOver
 from planlang.designators import Action, Location, Object, local_name
 from planlang.effects import Effects, effects_of, narrowest, number_of_class
-from planlang.failures import ObjectUnresolvable
+from planlang.failures import AmountNotPoured, ObjectUnresolvable
 from planlang.geometry import Pose
 from planlang.kernel import PlanStructureError, now
 from planlang.language.performing import actions_around
@@ -39,10 +40,14 @@ class Begun:
 
     simulated: Simulated
     """What the world had simulated before."""
+    believed: Simulated
+    """What motions are believed to have poured before."""
     by_motions: tuple[type[Change], ...] = ()
     """Kinds of effects that its module leaves to its motions, whatever they have done."""
     done_by_motions: list[Change] = field(default_factory=list)
     """Effects that were not brought about in a simulated world: the robot's motions have had them, or failed to."""
+    missed: list[AmountNotPoured] = field(default_factory=list)
+    """Failures of effects: less was there, or had room, than the action states."""
 
 
 class ActionEffects:
@@ -63,12 +68,13 @@ class ActionEffects:
         """Number of changes of the world that are accounted for."""
 
     def catch_up(self) -> None:
-        """Believe the robot where it is now, and things as heat has made them, the only process without an action."""
+        """Believe the robot where it is now, and things as flow and heat, which need no action, have made them."""
         self._platform.observe()
         try:
             time = now()
         except PlanStructureError:  # without a running plan, no time passes
             return
+        self._platform.flowing.catch_up()
         passed = self._platform.belief.heated_until(time)
         if passed > 0:
             self._platform.belief.happened(warm(self._platform.belief.state, passed, self._queries))
@@ -126,7 +132,8 @@ class ActionEffects:
 
     def begins(self, by_motions: Collection[type[Change]]) -> Begun:
         """Take down what the world has simulated before an action, of which ``by_motions`` are left to its motions."""
-        return Begun(Simulated() if self._physics is None else self._physics.simulated, tuple(by_motions))
+        simulated = Simulated() if self._physics is None else self._physics.simulated
+        return Begun(simulated, self._platform.flowing.simulated, tuple(by_motions))
 
     def apply(self, action: Action, begun: Begun) -> None:
         """Apply the effects of a performed action and of an enclosing one that it completes; skip missing objects."""
@@ -238,13 +245,18 @@ class ActionEffects:
         target = next((name for name in (*goals, *(name for _, name in acted)) if name != source), None)
         if what is None or source is None or target is None:
             return
-        stated = action.get("amount")
+        stated, there, had = action.get("amount"), self._matter.total(target), self._matter.total(source)
         if isinstance(stated, int | float):
             amount = float(stated)
         else:  # "pour the mix" empties the vessel, "pour from the bottle" pours the usual amount
-            total = self._matter.total(source)
-            amount = effects.amount or 0.0 if self._platform.belief.means(what, source) else total
+            amount = effects.amount or 0.0 if self._platform.belief.means(what, source) else had
+        by_motions = self._platform.flowing.simulated.flowed_since(begun.believed, source)
         self._do(Poured(source, target, amount), begun)
+        is_filled = is_vessel(self._platform.belief.state, target, self._queries)
+        landed = self._matter.total(target) - there if is_filled else had - self._matter.total(source)
+        if stated is not None and (poured := by_motions + landed) < amount - within(amount):
+            message = f"{amount:.0f} ml were asked for, {poured:.0f} ml were poured: out of {source}"
+            begun.missed.append(AmountNotPoured(message, what=source, asked=amount, poured=poured))
 
     def _name_what_landed(self, action: Action, effects: Effects, before: WorldState) -> None:
         """Bind the outputs that a pouring action states to the object that has landed where it poured."""
@@ -261,10 +273,11 @@ class ActionEffects:
         return is_free_here and (self._physics is None or self._physics.is_free(name))
 
     def _do(self, change: Change, begun: Begun) -> None:
-        """Apply a change to the belief and to the true world."""
+        """Apply a change to the belief and to the true world, each as far as motions have not brought it about."""
         belief = self._platform.belief
-        state, flowed = apply(change, belief.state, self._queries)
-        belief.happened(state, replace(change, amount=flowed) if isinstance(change, Poured) else change)
+        if (left := self._platform.flowing.simulated.left_of(change, begun.believed)) is not None:
+            state, flowed = apply(left, belief.state, self._queries)
+            belief.happened(state, replace(left, amount=flowed) if isinstance(left, Poured) else left)
         physics = None if isinstance(change, begun.by_motions) else self._physics
         if physics is None or not physics.bring_about(change, begun.simulated):
             begun.done_by_motions.append(change)

@@ -40,7 +40,13 @@ from planlang import (
 )
 from planlang.changes import Switched
 from planlang.designators import Action
-from planlang.failures import ActionUnresolvable, GoalNotAchieved, ObjectNotTurned, ObjectUnresolvable
+from planlang.failures import (
+    ActionUnresolvable,
+    AmountNotPoured,
+    GoalNotAchieved,
+    ObjectNotTurned,
+    ObjectUnresolvable,
+)
 from planlang.geometry import Pose
 from planlang.ontology import load
 from planlang.protocols import RobotInterface
@@ -232,6 +238,14 @@ def test_what_motions_have_poured_is_not_poured_again(kitchen: Make, asked: floa
     assert amount_of(state, "maker1", "PancakeMix", queries) == pytest.approx(there, abs=1.0)
     assert amount_of(state, "cup1", "PancakeMix", queries) == pytest.approx(200.0 - there, abs=1.0)
     assert cook.executive.holds(contains(MAKER, an_object("PancakeMix"), asked))
+
+
+def test_pouring_more_than_the_vessel_holds_fails_and_says_how_much_was_poured(kitchen: Make) -> None:
+    cook = kitchen()
+    with pytest.raises(AmountNotPoured) as caught:
+        cook.run(do("Pouring", object_acted_on=thing("cup1"), to_location=MAKER, amount=250.0))
+    assert (caught.value.what, caught.value.asked) == ("cup1", 250.0)
+    assert caught.value.poured == pytest.approx(200.0)
 
 
 def test_what_modules_of_earlier_versions_leave_to_physics_is_only_believed(kitchen: Make) -> None:
