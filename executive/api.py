@@ -1,4 +1,4 @@
-"""What planlang does, as functions of options: run, locate, sweep, check, compile.
+"""What planlang does, as functions of options: run, locate, sweep, compare, check, compile.
 
 Options are dataclasses whose fields are declared once (:mod:`executive.options`). Two faces are made from these
 functions: the command line (``executive.cli``), and the functions of ``planlang`` with keyword arguments
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from executive.commands.check import check
+    from executive.commands.compare import compared as compare
     from executive.commands.compile import compiled as compile
     from executive.commands.sweep import swept as sweep
     from executive.runs.locating import locate
@@ -20,6 +21,7 @@ else:  # with a __getattr__ in its sight, mypy would accept any name
 
     _FUNCTIONS = {
         "check": "executive.commands.check:check",
+        "compare": "executive.commands.compare:compared",
         "compile": "executive.commands.compile:compiled",
         "locate": "executive.runs.locating:locate",
         "run": "executive.runs.plan_run:run_plan_file",
@@ -32,4 +34,4 @@ else:  # with a __getattr__ in its sight, mypy would accept any name
         return resolve_name(_FUNCTIONS[name])  # late, as said above
 
 
-__all__ = ["check", "compile", "locate", "run", "sweep"]
+__all__ = ["check", "compare", "compile", "locate", "run", "sweep"]

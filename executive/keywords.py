@@ -18,6 +18,7 @@ from planlang.machine import check_memory
 if TYPE_CHECKING:
     from executive.runs.located import Located
     from executive.runs.options import RunResult
+    from executive.sweeps.comparison import Comparison
     from planlang.compiler import CompiledPlan
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -143,6 +144,34 @@ def sweep(
     """
     own = {"recipe": recipe, "worlds": worlds, "first": first, "robot": robot, "environment": environment}
     return api.sweep(options_of(SweepOptions, {**own, "set": set, "start": start}, options))
+
+
+@with_options_of(SweepOptions)
+def compare(
+    recipe: Source,
+    worlds: int = 100,
+    *,
+    vary: Mapping[str, Sequence[object]] | None = None,
+    variant: Mapping[str, Mapping[str, object]] | None = None,
+    first: int = 1,
+    robot: Name | None = None,
+    environment: Maps | None = None,
+    set: Bindings | None = None,
+    start: Start | None = None,
+    **options: Any,
+) -> Comparison:
+    """Run variants of a recipe or plan in the same worlds, as ``planlang compare`` does, and compare them.
+
+    ``vary`` maps options and parameters to their values, such as ``{"robot": ["amigo", "pr2"]}``; the variants are all
+    combinations. ``variant`` maps names to options, such as ``{"mine": {"robot": "my.toml"}, "theirs": {}}``. The
+    other options are those of :func:`sweep`, for all variants.
+
+    The result has ``variants`` with their shares, ``pairs`` with what tells them apart, and ``rows``, for
+    ``pandas.DataFrame``; ``print`` shows it as text, a notebook as tables. Raises BadInput for invalid input.
+    """
+    own = {"recipe": recipe, "worlds": worlds, "first": first, "robot": robot, "environment": environment}
+    varying = {"vary": vary, "variant": variant, "set": set, "start": start}
+    return api.compare(options_of(SweepOptions, {**own, **varying}, options))
 
 
 @with_options_of(CompileOptions)

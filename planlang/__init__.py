@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 # The library's functions stay out of __all__: `from planlang import *` in a plan would hide Python's own compile.
 if TYPE_CHECKING:
     from executive.keywords import check as check
+    from executive.keywords import compare as compare
     from executive.keywords import compile as compile
     from executive.keywords import locate as locate
     from executive.keywords import simulate as simulate
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 else:  # with a __getattr__ in its sight, mypy would accept any name
     from importlib import import_module
 
-    _FUNCTIONS = ("check", "compile", "locate", "simulate", "sweep")
+    _FUNCTIONS = ("check", "compare", "compile", "locate", "simulate", "sweep")
     _HOMES = {"__version__": "importlib.metadata", **dict.fromkeys(_FUNCTIONS, "executive.keywords")}
 
     def __getattr__(name: str) -> object:

@@ -68,6 +68,7 @@ class Python:
 
     functions: Mapping[str, str] = {
         "check": "check",
+        "compare": "compare",
         "compile": "compile",
         "locate": "locate",
         "run": "simulate",
@@ -128,7 +129,9 @@ class CommandLine:
         """Texts of a value, several if the option is repeated for each."""
         if isinstance(value, Mapping):
             for name, one in value.items():
-                text = f"{name}={one}"
+                text = f"{name}={','.join(self._texts(one)) if isinstance(one, list) else one}"
+                if isinstance(one, Mapping):  # a variant with options of its own
+                    text = f"{name}: {' '.join(self.option(Option(*each)) for each in one.items())}"
                 yield text if isinstance(one, Blank) else quoted(text)
         elif isinstance(value, list):
             for one in value:

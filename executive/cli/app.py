@@ -17,7 +17,7 @@ from executive.cli.command_lines import Commands, command_of, explain, guessed_v
 from executive.cli.console import Answer, ExitCode, answer, give, say, usage
 from planlang.machine import check_memory
 
-_RUNNING = ("run", "sweep", "replay", "report", "locate", "enable", "show")
+_RUNNING = ("run", "sweep", "compare", "replay", "report", "locate", "enable", "show")
 """Commands that build the simulated world."""
 
 
@@ -64,6 +64,7 @@ _COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("match", AUTHORING, "serve_a_drink --robot amigo"),
     ("run", RUNS, "serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),
     ("sweep", RUNS, "serve_a_drink --worlds 100 --output drinks.jsonl"),
+    ("compare", RUNS, "serve_a_drink --vary robot=amigo,pr2 --worlds 100 --output robots.jsonl"),
     ("sweep-merge", RUNS, "shard1.jsonl shard2.jsonl --output drinks.jsonl"),
     ("sweep-table", RUNS, "drinks.jsonl --csv drinks.csv"),
     ("enable", RUNS, "serve_a_drink --robot amigo --from http://localhost:8080 --run"),

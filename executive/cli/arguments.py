@@ -106,6 +106,15 @@ class SweepArguments(SweepOptions, Arguments):
     """
 
 
+@dataclass(frozen=True, kw_only=True)
+class CompareArguments(SweepOptions, Arguments):
+    """Run variants of a plan or a recipe in the same worlds, and compare them.
+
+    Name two variants or more with --vary or --variant. They are compared in pairs, world by world: how often each
+    reaches its goal, how long it takes, and how sure the difference is.
+    """
+
+
 class Form(Enum):
     """Formats for experience."""
 
@@ -242,8 +251,8 @@ class SweepMergeArguments(Arguments):
 
 @dataclass(frozen=True, kw_only=True)
 class SweepTableArguments(Arguments):
-    """Print the table of a recorded sweep."""
+    """Print the table of a recorded sweep, or compare several, world by world."""
 
-    file: Annotated[Path, argument(metavar="FILE", help="A file written by planlang sweep --output.")]
+    files: Annotated[list[Path], argument(metavar="FILE...", help="Files written by planlang sweep --output.")]
     csv: Csv = None
     force: Force = False

@@ -7,8 +7,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from enum import Enum
-from types import NoneType
-from typing import Any, TypeVar, get_args, get_origin
+from typing import Any, TypeVar
 
 import click
 
@@ -59,7 +58,7 @@ def _own(arguments: type[Arguments]) -> list[type]:
 
 def _parameter(one: Stated) -> click.Parameter:
     """The option or argument of click for a declaration; what is parsed afterwards is text."""
-    known, kind, is_list = one.declared, *_kind(one)
+    known, (kind, is_list) = one.declared, one.worded
     more: dict[str, Any] = {
         "type": _type(kind, known.least, known.most),
         "required": one.is_required,
@@ -76,15 +75,6 @@ def _parameter(one: Stated) -> click.Parameter:
     more |= {"is_flag": kind is bool, "multiple": is_list, "metavar": metavar}
     words = known.words or (word_of(one.name),)
     return click.Option([*words, one.name], show_default=known.shows_default, show_envvar=True, **more)
-
-
-def _kind(one: Stated) -> tuple[Any, bool]:
-    """The type of a value, or of each of several."""
-    if one.declared.parse is not None:
-        return str, one.declared.is_repeatable
-    kinds = [each for each in get_args(one.annotation) if each is not NoneType]
-    kind = kinds[0] if NoneType in get_args(one.annotation) else one.annotation
-    return (get_args(kind)[0], True) if get_origin(kind) is list else (kind, False)
 
 
 def _type(kind: Any, least: Any, most: Any) -> Any:

@@ -8,20 +8,32 @@ from functools import partial
 from typing import Any
 
 from executive import api
-from executive.cli.arguments import SweepArguments
+from executive.cli.arguments import CompareArguments, SweepArguments
 from executive.cli.console import Answer, ExitCode, printer_of, progress_of, say, show, silent
 from executive.cli.progress import PROGRESS
 from executive.cli.sweep_table import counted, exit_code, write_csv
 from executive.sweeps import Row
 from executive.sweeps.records import CRASHED, Done, is_reached
+from executive.sweeps.variants import variants_of
 from planlang.progress import Report
 
 
 def command(arguments: SweepArguments) -> Answer:
     """Run the sweep, or the rest of it. Raises BadInput as the run of one world does."""
+    rows, total, is_done = watched(arguments)
+    code = exit_code(rows, total) if is_done else ExitCode.INTERRUPTED
+    return counted(rows, total, code, variants=[one.name for one in variants_of(arguments)])
+
+
+def watched(arguments: SweepArguments | CompareArguments) -> tuple[list[Row], int, bool]:
+    """Run a sweep with its progress; returns its rows, the number of worlds in all, and False if it was interrupted.
+
+    The rows are then those that were done. Raises BadInput as the run of one world does.
+    """
     rows: dict[Any, Row] = {}
     part, parts = arguments.shard or (1, 1)
-    total = len(range(arguments.first + part - 1, arguments.first + arguments.worlds, parts))
+    seeds = len(range(arguments.first + part - 1, arguments.first + arguments.worlds, parts))
+    total = seeds * max(1, len(variants_of(arguments)))
     progress = Counts(total, printer_of(arguments), progress_of(arguments))
 
     def finished(done: Done) -> None:
@@ -39,13 +51,13 @@ def command(arguments: SweepArguments) -> Answer:
         PROGRESS.close()
         done = [rows[key] for key in sorted(rows)]
         say(_how_to_go_on(arguments, len(done), total))
-        return counted(done, total, ExitCode.INTERRUPTED)
+        return done, total, False
     if arguments.csv is not None:
         write_csv(arguments.csv, all_rows)
-    return counted(all_rows, total, exit_code(all_rows, total))
+    return all_rows, total, True
 
 
-def _how_to_go_on(arguments: SweepArguments, done: int, total: int) -> str:
+def _how_to_go_on(arguments: SweepArguments | CompareArguments, done: int, total: int) -> str:
     if arguments.output is None:
         return f"interrupted after {done} of {total} worlds; --output FILE would have kept them"
     return (

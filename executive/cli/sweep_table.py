@@ -1,10 +1,11 @@
-"""``planlang sweep-table``: the table of a recorded sweep."""
+"""``planlang sweep-table``: the table of a recorded sweep, or a comparison of several."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 from executive.cli.arguments import SweepTableArguments
 from executive.cli.console import Answer, ExitCode
@@ -12,6 +13,7 @@ from executive.options.declaring import check_written
 from executive.runs.files import refuse
 from executive.runs.options import Outcome
 from executive.sweeps import Row
+from executive.sweeps.comparison import Comparison, comparison_of
 from executive.sweeps.files import Sweep, read_sweep
 from executive.sweeps.records import is_reached
 from executive.sweeps.table import causes, csv_text, shares, table
@@ -24,17 +26,34 @@ MOST_NAMED = 10
 
 def command(arguments: SweepTableArguments) -> Answer:
     """Print the table. Raises BadInput for a file that is not a sweep."""
-    refuse(check_written(arguments, SweepTableArguments, {"the sweep": arguments.file}))
-    sweep = read_sweep(arguments.file)
+    refuse(check_written(arguments, SweepTableArguments, {str(file): file for file in arguments.files}))
+    sweeps = [read_sweep(file) for file in arguments.files]
+    if len(sweeps) > 1:
+        return _compared(arguments, sweeps)
     if arguments.csv is not None:
-        write_csv(arguments.csv, sweep.rows)
-    return answered(sweep)
+        write_csv(arguments.csv, sweeps[0].rows)
+    return answered(sweeps[0])
+
+
+def _compared(arguments: SweepTableArguments, sweeps: Sequence[Sweep]) -> Answer:
+    """Answer with a comparison of sweeps, each a variant, or several if it has some."""
+    comparison = comparison_of(sweeps)
+    if arguments.csv is not None:
+        write_csv(arguments.csv, comparison.rows)
+    problems = [one for sweep in sweeps for one in _incomplete(sweep)]
+    return Answer(ExitCode.DONE, tuple(problems), str(comparison), comparison.as_json())
 
 
 def answered(sweep: Sweep) -> Answer:
     """Answer with the table of a sweep, and a warning if worlds are missing."""
     total = len(sweep.header["worlds"])
-    return counted(sweep.rows, total, exit_code(sweep.rows, total), _incomplete(sweep))
+    code, variants = exit_code(sweep.rows, total), sweep.variants
+    table = counted(sweep.rows, total, code, _incomplete(sweep), variants=list(variants))
+    if len(variants) < 2:
+        return table
+    comparison = Comparison.of(sweep.rows, variants)
+    text = f"{table.text}\n\n{comparison}"
+    return replace(table, text=text, data={**table.data, **comparison.as_json()})
 
 
 def _incomplete(sweep: Sweep) -> list[Diagnostic]:
@@ -46,15 +65,30 @@ def _incomplete(sweep: Sweep) -> list[Diagnostic]:
     return [warning("C033", message, help="planlang sweep runs them if --output names the file of their shard")]
 
 
-def counted(rows: Sequence[Row], total: int, code: ExitCode, diagnostics: Sequence[Diagnostic] = ()) -> Answer:
-    """Answer with the table of the rows, of ``total`` worlds."""
-    data = {
-        "worlds": total,
+def counted(
+    rows: Sequence[Row],
+    total: int,
+    code: ExitCode,
+    diagnostics: Sequence[Diagnostic] = (),
+    *,
+    variants: Sequence[str] = (),
+) -> Answer:
+    """Answer with the table of the rows, of ``total`` worlds; with ``variants`` with one for each of them."""
+    if not variants:
+        data = {"worlds": total, **_statistics(rows), "rows": list(rows)}
+        return Answer(code, tuple(diagnostics), table(rows, total), data)
+    own = {name: [row for row in rows if row["variant"] == name] for name in variants}
+    each = total // len(variants)
+    text = "\n\n".join(f"{name}: {table(some, each)}" for name, some in own.items())
+    data = {"worlds": total, "variants": [{"name": name, **_statistics(some)} for name, some in own.items()]}
+    return Answer(code, tuple(diagnostics), text, {**data, "rows": list(rows)})
+
+
+def _statistics(rows: Sequence[Row]) -> dict[str, list[dict[str, Any]]]:
+    return {
         "outcomes": [asdict(one) for one in shares(rows)],
         "causes": [asdict(one) for one in causes(rows)],
-        "rows": list(rows),
     }
-    return Answer(code, tuple(diagnostics), table(rows, total), data)
 
 
 def exit_code(rows: Sequence[Row], total: int) -> ExitCode:

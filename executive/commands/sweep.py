@@ -1,11 +1,13 @@
-"""Sweeps: a plan or recipe is run in many worlds, each in a process of its own."""
+"""Sweeps: a plan or recipe is run in many worlds, each in a process of its own, also with several variants."""
 
 from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +15,13 @@ from executive.options.declaring import as_json, check_written, stated, values_o
 from executive.options.running import SituationSettings, SweepOptions
 from executive.runs.files import RecipeFile, refuse
 from executive.runs.options import RunOptions
-from executive.runs.prepared import RunFiles, prepared
+from executive.runs.prepared import prepared
 from executive.sweeps import Row, World, run
 from executive.sweeps.records import LIMITS, Done
-from planlang.diagnostics import Diagnostic
+from executive.sweeps.variants import Variant, variants_of
+from planlang.diagnostics import BadInput, Diagnostic
 from planlang.language.source import PlanSource
-from planlang.words import COMMAND_LINE, calling
+from planlang.words import COMMAND_LINE, Text, calling
 
 JOB = "executive.commands.swept_world:ended"
 _WALL_PER_CPU = 5.0
@@ -32,31 +35,19 @@ def swept(
     finished: Callable[[Done], object] = lambda done: None,
     resumed: Callable[[Sequence[Row]], object] = lambda rows: None,
 ) -> list[Row]:
-    """Run a sweep, or the rest of it, and return its rows in the order of the worlds. Raises BadInput.
+    """Run a sweep, or the rest of it, and return its rows: of each world in turn that of each variant. Raises BadInput.
 
     ``announce`` gets diagnostics before the first world, ``resumed`` the rows of an earlier call, ``finished`` each
     world that is done.
     """
-    run_options = RunOptions(**values_of(options, SituationSettings), recipe=options.recipe)
-    files = prepared(run_options)  # reports what is wrong for all worlds before the first
-    refuse(check_written(options, SweepOptions, dict(_inputs(files))))
-    announce(files.notes)
-    given = as_json(run_options, SituationSettings)
-    plan = files.file.text if isinstance(files.file, PlanSource) and files.file.is_in_memory else options.recipe
-    recipe = os.fspath(plan) if isinstance(plan, str | os.PathLike) else files.file.path.name
-    named = files.file.path.name if "\n" in recipe else recipe
-    told = dict(stated(run_options, SituationSettings))
-    worlds: list[World] = [
-        {
-            "world": seed,
-            "repeat": COMMAND_LINE.call(calling("run", named, **told, seed=seed)),
-            "options": {**given, "recipe": recipe, "seed": seed},
-            **({} if options.reports is None else {"report": str(options.reports / f"world-{seed}.html")}),
-        }
-        for seed in range(options.first, options.first + options.worlds)
-    ]
+    variants = variants_of(options)
+    parts = [_Part(options, one, number) for number, one in enumerate(variants)] or [_Part(options)]
+    seeds = range(options.first, options.first + options.worlds)
+    for part in parts:
+        refuse(check_written(options, SweepOptions, dict(part.inputs())))
+    announce(list(dict.fromkeys(one for part in parts for one in part.files.notes)))
     return run(
-        worlds,
+        [part.world(seed) for seed in seeds for part in parts],
         JOB,
         processes=options.processes,
         limits=replace(
@@ -66,31 +57,93 @@ def swept(
             wall=_WALL_PER_CPU * options.seconds,
         ),
         out=options.output,
-        about=_about(options, COMMAND_LINE.call(calling("run", named, **told)), files),
+        about=_about(options, parts),
         shard=options.shard or (1, 1),
+        together=len(parts),
         told=finished,
         resumed=resumed,
     )
 
 
-def _inputs(files: RunFiles) -> Iterator[tuple[str, Path]]:
-    """Yield names and paths of the files that the runs depend on."""
-    file, options = files.file, files.options
-    is_file = not (file.is_in_memory if isinstance(file, PlanSource) else file.content is not None)
-    named = {"recipe" if isinstance(file, RecipeFile) else "plan": file.path if is_file else None}
-    named |= {"robot": files.robot, "urdf": options.urdf, "environment": files.environment}
-    yield from ((name, path) for name, path in named.items() if path is not None)
-    for name, paths in (("environment", files.additions), ("modules", options.modules or ())):
-        yield from ((f"{name} {number}", path) for number, path in enumerate(paths, 2))
+class _Part:
+    """The worlds of a variant, or of a sweep that has none."""
+
+    def __init__(self, options: SweepOptions, variant: Variant | None = None, number: int = 0) -> None:
+        """Find the files; what is wrong for all worlds is reported before the first. Raises BadInput."""
+        self.variant, self._number = variant, number
+        self.options = options if variant is None else variant.options(options)
+        self._run = RunOptions(**values_of(self.options, SituationSettings), recipe=self.options.recipe)
+        try:
+            self.files = prepared(self._run)
+        except BadInput as problem:
+            if variant is None:
+                raise
+            found = [replace(one, message=Text(f"{variant.name}: ", one.message)) for one in problem.diagnostics]
+            raise BadInput(found) from None
+
+    @cached_property
+    def _recipe(self) -> str:
+        """The recipe or plan for a worker: its text, if it is in memory."""
+        file = self.files.file
+        plan = file.text if isinstance(file, PlanSource) and file.is_in_memory else self.options.recipe
+        return os.fspath(plan) if isinstance(plan, str | os.PathLike) else file.path.name
+
+    def call(self, **more: object) -> str:
+        """The command that runs a world."""
+        named = self.files.file.path.name if "\n" in self._recipe else self._recipe
+        return COMMAND_LINE.call(calling("run", named, **dict(stated(self._run, SituationSettings)), **more))
+
+    def world(self, seed: int) -> World:
+        """The world of a seed."""
+        world: dict[str, Any] = {
+            "world": seed if self.variant is None else self.variant.key(seed),
+            "repeat": self.call(seed=seed),
+            "options": {**as_json(self._run, SituationSettings), "recipe": self._recipe, "seed": seed},
+        }
+        if self.variant is not None:
+            world["columns"] = {"variant": self.variant.name, "seed": seed, **self.variant.columns}
+            world["programs"] = self._programs
+        if self.options.reports is not None:
+            world["report"] = str(self.options.reports / self._folder / f"world-{seed}.html")
+        return world
+
+    @property
+    def _folder(self) -> str:
+        """Folder for the pages of a variant: its name, as far as file systems have the characters."""
+        if self.variant is None:
+            return ""
+        return f"{self._number + 1}-{re.sub(r'[^A-Za-z0-9=.,_-]+', '_', self.variant.name)}"
+
+    @cached_property
+    def _programs(self) -> str:
+        """Code of the user that the runs import."""
+        return " ".join(map(str, filter(None, (self.files.plan, *(self.options.modules or ())))))
+
+    def inputs(self) -> Iterator[tuple[str, Path]]:
+        """Yield names and paths of the files that the runs depend on."""
+        file, files = self.files.file, self.files
+        is_file = not (file.is_in_memory if isinstance(file, PlanSource) else file.content is not None)
+        named = {"recipe" if isinstance(file, RecipeFile) else "plan": file.path if is_file else None}
+        named |= {"robot": files.robot, "urdf": self._run.urdf, "environment": files.environment}
+        yield from ((name, path) for name, path in named.items() if path is not None)
+        for name, paths in (("environment", files.additions), ("modules", self._run.modules or ())):
+            yield from ((f"{name} {number}", path) for number, path in enumerate(paths, 2))
+
+    def about(self) -> Iterator[tuple[str, Any]]:
+        """Yield all that the rows depend on, for the header: the call and its settings, digests of the files."""
+        before = "" if self.variant is None else f"{self.variant.name}: "
+        yield f"{before}arguments", self.call()
+        yield f"{before}settings", dict(self.files.options.set or {})
+        for name, path in self.inputs():
+            yield f"{before}content of {name}", hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def _about(options: SweepOptions, call: str, files: RunFiles) -> Mapping[str, Any]:
-    """Header of the rows, all that they depend on: the call and its settings, limits, digests of the files."""
-    digests = {f"content of {name}": hashlib.sha256(path.read_bytes()).hexdigest() for name, path in _inputs(files)}
-    return {
-        "arguments": call,
-        "settings": dict(files.options.set or {}),
-        "seconds": options.seconds,
-        "memory": options.memory,
-        **digests,
-    }
+def _about(options: SweepOptions, parts: Sequence[_Part]) -> Mapping[str, Any]:
+    """Header of the rows: the variants, what each depends on, and the limits of worlds."""
+    variants = {part.variant.name: dict(part.variant.columns) for part in parts if part.variant is not None}
+    about = dict(one for part in parts for one in part.about())
+    limits = {"seconds": options.seconds, "memory": options.memory}
+    if not variants:  # in the order in which files have always had them
+        first = {name: about.pop(name) for name in ("arguments", "settings")}
+        return {**first, **limits, **about}
+    return {"variants": variants, **limits, **about}

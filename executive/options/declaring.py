@@ -100,17 +100,47 @@ class Stated:
         """True if the field has no default."""
         return self.field.default is MISSING
 
+    @property
+    def kind(self) -> tuple[Any, bool]:
+        """The type of a value, or of each of several, and whether there may be several."""
+        members = [one for one in get_args(self.annotation) if one is not NoneType]
+        kind = members[0] if NoneType in get_args(self.annotation) else self.annotation
+        return (get_args(kind)[0], True) if get_origin(kind) is list else (kind, False)
+
+    @property
+    def worded(self) -> tuple[Any, bool]:
+        """As ``kind``, of the words of a command line: what is parsed afterwards is text."""
+        return self.kind if self.declared.parse is None else (str, self.declared.is_repeatable)
+
     def value(self, given: Any) -> Any:
         """Make the value of what a face has. Raises ValueError that names valid values, or BadInput."""
         if self.declared.parse is not None:
             return self.declared.parse(given)
-        members = [one for one in get_args(self.annotation) if one is not NoneType]
-        kind = members[0] if NoneType in get_args(self.annotation) else self.annotation
-        if get_origin(kind) is list:
-            (item,) = get_args(kind)
+        item, is_list = self.kind
+        if is_list:
             is_one = isinstance(given, str | os.PathLike) or not isinstance(given, Iterable)
             return [self._single(item, one) for one in ([given] if is_one else given)]
-        return self._single(kind, given)
+        return self._single(item, given)
+
+    def read(self, texts: Sequence[str]) -> Any:
+        """Make the value of words, of a flag of true or false. Raises ValueError or BadInput as ``value`` does."""
+        kind, is_list = self.worded
+        if is_list:
+            return self.value(list(texts))
+        if len(texts) > 1:
+            raise ValueError("it is stated twice")
+        (text,) = texts
+        if kind is bool:
+            if text not in ("true", "false"):
+                raise ValueError("write true or false")
+            return text == "true"
+        if kind in (int, float):
+            try:
+                number = kind(text)
+            except ValueError:
+                number = text  # not a number, which is refused
+            return self.value(number)
+        return self.value(text)
 
     def _single(self, kind: Any, given: Any) -> Any:
         if kind is Path and isinstance(given, str | os.PathLike) and given != "":

@@ -22,6 +22,7 @@ from executive.options.declaring import (
     view,
     written,
 )
+from executive.options.varying import labelled, varied
 from planlang.diagnostics import BadInput, error
 from planlang.language.source import PlanSource
 from planlang.outputs import PNG, PNG_OR_SVG, WEBP
@@ -280,6 +281,26 @@ class SweepOptions(SituationSettings):
             metavar="K/N",
             help="Run only every N-th world, from the K-th on: the share of one of N machines.",
             parse=shard,
+        ),
+    ] = None
+    vary: Annotated[
+        Mapping[str, list[Any]] | None,
+        option(
+            metavar="NAME=V1,V2",
+            help="Run each world with each of these values of an option or a parameter, and with each combination if "
+            "repeated for others. Repeat a name for values with commas: NAME=V1, then NAME=V2.",
+            parse=varied,
+            is_repeatable=True,
+        ),
+    ] = None
+    variant: Annotated[
+        Mapping[str, Mapping[str, Any] | list[str]] | None,
+        option(
+            metavar='"LABEL: OPTIONS"',
+            help="Run each world with these options instead of those of the command, under this name; they may begin "
+            "with another recipe or plan. Repeatable.",
+            parse=labelled,
+            is_repeatable=True,
         ),
     ] = None
     csv: Csv = None

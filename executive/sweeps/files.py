@@ -51,6 +51,12 @@ class Sweep:
     """Length of an incomplete last line [bytes]."""
 
     @property
+    def variants(self) -> Mapping[str, Mapping[str, str]]:
+        """Variants -> what varies in the sweep, in this variant; empty for a sweep without variants."""
+        variants: Mapping[str, Mapping[str, str]] = self.header["about"].get("variants", {})
+        return variants
+
+    @property
     def missing(self) -> tuple[Any, ...]:
         """Keys of worlds without a row, including those of other shards."""
         done = {row["world"] for row in self.rows}
@@ -128,14 +134,19 @@ def read_sweep(path: Path) -> Sweep:
     header = _parse(lines[0], path, 1)
     if header.get("sweep") != MARK or not _is_header(header):
         raise BadInput([_invalid(path, 1)])
-    known, rows = set(header["worlds"]), dict[Any, Row]()
+    known, variants, rows = set(header["worlds"]), header["about"].get("variants", {}), dict[Any, Row]()
     for number, line in enumerate(lines[1:], 2):
         row = _parse(line, path, number)
         key = row.get("world")
         if not isinstance(key, int | str) or key not in known or key in rows:
             message = f"world {str(key)[:100]} is not part of the sweep, or has two lines"
             raise BadInput([error("C030", message, Span(str(path), number))])
-        if (wrong := wrong_entry(row, _ROW)) is not None:
+        wrong = wrong_entry(row, _ROW)
+        if wrong is None and variants and row.get("variant") not in variants:
+            wrong = "it has no variant of the header"
+        if wrong is None and variants and not isinstance(row.get("seed"), int):
+            wrong = "seed has to be an integer"
+        if wrong is not None:
             raise BadInput([error("C030", f"this line of a sweep is damaged: {wrong}", Span(str(path), number))])
         rows[key] = row
     return Sweep(str(path), header, tuple(rows.values()), len(rest))
@@ -208,9 +219,15 @@ def _shard(header: Header) -> str:
 
 def _is_header(header: Row) -> bool:
     kinds = {"version": str, "job": str, "about": dict, "shard": list, "worlds_sha256": str, "worlds": list}
-    return all(isinstance(header.get(name), kind) for name, kind in kinds.items()) and all(
-        isinstance(key, int | str) for key in header["worlds"]
+    return (
+        all(isinstance(header.get(name), kind) for name, kind in kinds.items())
+        and all(isinstance(key, int | str) for key in header["worlds"])
+        and _are_variants(header["about"].get("variants", {}))
     )
+
+
+def _are_variants(found: Any) -> bool:
+    return isinstance(found, dict) and all(isinstance(columns, dict) for columns in found.values())
 
 
 def _parse(line: bytes, path: Path, number: int) -> Row:

@@ -14,7 +14,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from executive.processes.workers import Ending, Limits, Performs, Reply, Source, Worker
-from executive.sweeps.records import CRASHED, Done, Task, World
+from executive.sweeps.records import CRASHED, Done, Task, World, columns_of
 from planlang.diagnostics import BadInput
 from planlang.temporary import temporary_folder
 
@@ -64,17 +64,21 @@ class _Supervision:
             one.join()
 
     def _supervise(self) -> None:
-        worker = Worker(self._source, self._task.limits)
+        workers: dict[str, Worker] = {}
         try:
             while (world := self._next()) is not None:
-                reply = worker.call(do, self._task.job, dict(world))
+                programs = world.get("programs", "")
+                if programs not in workers:
+                    workers[programs] = Worker(self._source, self._task.limits)
+                reply = workers[programs].call(do, self._task.job, dict(world))
                 if self._is_stopped:
                     return
                 self._results.put(_done(world, reply, self._task.limits))
         except BaseException as problem:
             self._results.put(problem)
         finally:
-            worker.close()
+            for worker in workers.values():
+                worker.close()
 
     def _next(self) -> World | None:
         with self._lock:
@@ -83,7 +87,7 @@ class _Supervision:
 
 def _done(world: World, reply: Reply, limits: Limits) -> Done:
     """Build the row of a world from a worker's reply. Raises BadInput if the job did."""
-    known = {key: world[key] for key in ("world", "repeat") if key in world}
+    known = columns_of(world)
     match reply.ending:
         case Ending.DONE:
             return Done({**known, **json.loads(reply.answer)}, reply.seconds)

@@ -12,7 +12,8 @@ from planlang.records import dataclass
 World = Mapping[str, Any]
 """Input of a job (JSON): ``world``, a unique key (number or text), and whatever else the job needs.
 
-``repeat``, the command line that repeats this world, is copied into its row.
+``repeat``, the command line that repeats this world, and the entries of ``columns`` are copied into its row. Worlds
+with other ``programs`` (a text: code of users) share no process, as one might change what the other runs.
 """
 Row = dict[str, Any]
 """Result of a job in a world (JSON), after ``world`` and ``repeat``. Sweeps use these optional keys:
@@ -49,6 +50,11 @@ class Task:
 
 Backend = Callable[[Sequence[World], Task], AbstractContextManager[Iterator[Done]]]
 """Runs a task in all worlds and yields the results in any order; stops unfinished worlds when it is closed."""
+
+
+def columns_of(world: World) -> Row:
+    """What is known of a row before its world runs."""
+    return {key: world[key] for key in ("world", "repeat") if key in world} | dict(world.get("columns", {}))
 
 
 def is_reached(row: Row) -> bool:

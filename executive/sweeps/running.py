@@ -27,6 +27,7 @@ def run(
     out: Path | None = None,
     about: Mapping[str, Any] | None = None,
     shard: tuple[int, int] = (1, 1),
+    together: int = 1,
     told: Callable[[Done], object] = lambda done: None,
     resumed: Callable[[Sequence[Row]], object] = lambda rows: None,
 ) -> list[Row]:
@@ -38,7 +39,8 @@ def run(
 
     With ``out``, each row is appended to this file as a line of JSON. If the file exists, only the missing worlds are
     run; at the end the file is sorted. ``about`` is written to its header: everything besides the worlds that the rows
-    depend on. ``shard`` (k, n) runs only every n-th world, starting with the k-th. ``processes`` defaults to the number
+    depend on. ``shard`` (k, n) runs only every n-th world, starting with the k-th; each ``together`` worlds in a row
+    count as one, so that a shard has all variants of its seeds. ``processes`` defaults to the number
     of cores. ``resumed`` is called once with the rows already in the file, ``told`` with each new result.
 
     Raises BadInput as the job does (a job that can skip a world returns a row instead), or if ``out`` belongs to
@@ -47,7 +49,7 @@ def run(
     if len({world["world"] for world in worlds}) < len(worlds):
         raise ValueError("two worlds have the same key")
     part, parts = shard
-    own = [world for index, world in enumerate(worlds) if index % parts == part - 1]
+    own = [world for index, world in enumerate(worlds) if index // together % parts == part - 1]
     backend, task = BACKENDS[on], Task(job, limits, processes or available_cores())
     with ExitStack() as stack:
         rows: dict[Any, Row] = {}

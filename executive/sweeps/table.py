@@ -16,7 +16,7 @@ from planlang.records import dataclass
 from planlang.visible import visible
 
 REACHED = "reached"
-_Z = 1.959964
+_Z = statistics.NormalDist().inv_cdf(0.975)
 """Two-sided 95 % quantile of the standard normal distribution."""
 
 

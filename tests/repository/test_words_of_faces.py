@@ -28,7 +28,7 @@ OF_OTHERS = {
 """File -> words in it that no user of a face reads as advice."""
 WORDS = re.compile(
     r"(?<![\w-])--[a-z][a-z-]*"
-    r"|\bplanlang (?:new|compile|check|convert|merge|list|show|match|run|sweep|enable|replay|report|export|locate|serve"
+    r"|\bplanlang (?:new|compile|check|convert|merge|list|show|match|run|sweep|compare|enable|replay|report|export|locate|serve"
     r"|backup|search|pull|push|rate|delete|watch|robot)\b"
 )
 
