@@ -175,6 +175,13 @@ class SituationSettings(TaskOptions):
             in_header=InHeader("unknown"),
         ),
     ] = None
+    no_recoveries: Annotated[
+        bool,
+        option(
+            help="Run the plan without its failure handling: the first failure ends it.",
+            in_header=InHeader("no_recoveries"),
+        ),
+    ] = False
     ignore_unread: IgnoreUnread = False
     modules: Modules = None
     trust: Trust = False

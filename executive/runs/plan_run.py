@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -62,7 +62,7 @@ from planlang.language.loading import load_plan
 from planlang.language.performing import module_for
 from planlang.language.plan_text import Needs
 from planlang.language.plans import Plan
-from planlang.language.recovery import explain
+from planlang.language.recovery import explain, without_recoveries
 from planlang.language.replaying import Replay, replay
 from planlang.language.running import known as run_header
 from planlang.language.running import run
@@ -103,8 +103,7 @@ class Run:
         """Compile and import the plan and the process modules; ``inputs`` caches input files. Raises BadInput."""
         self.files, self.options = files, files.options
         options = files.options
-        # a fixed recipe is a new temporary file in each run
-        self._inputs = Inputs() if inputs is None or options.accept else inputs
+        self._inputs = Inputs() if inputs is None or options.accept else inputs  # a fixed recipe is a new file
         self.found: list[Diagnostic] = list(files.notes)
         with ExitStack() as stack:  # closed here if something raises
             self._recipe: tuple[Ontology, ...] = ()
@@ -156,7 +155,7 @@ class Run:
             self.found.append(warning("X022", "the plan differs from that of the trace", Span(recorded.name)))
         bound = recorded_parameters(recorded, plan_parameters(self.plan))
         try:
-            return replay(self._body(bound), recorded)
+            return replay(self._body(bound, bare=recorded.header.get("no_recoveries") is True), recorded)
         except ValueError as problem:
             raise BadInput([error("X020", str(problem), Span(recorded.name, 1))]) from None
 
@@ -202,7 +201,7 @@ class Run:
         take(platform, truth, held)
         platform.scene.collisions.prepare()
         header = self._header(subject, platform, assessment, given)
-        body = self._body(subject.bound)
+        body = self._body(subject.bound, bare=options.no_recoveries)
         if earlier is not None:
             known = run_header(body, SimulationHost(truth), self.files.seed, options.schedule)
             notes = check_same_run(earlier.recorded, {**header, **known})
@@ -350,11 +349,12 @@ class Run:
         seed = self.files.seed
         return RunResult(Outcome.LACKS_CAPABILITY, message, (), tuple(self.found), failure=failure, seed=seed)
 
-    def _body(self, bound: Mapping[str, Bound]) -> Callable[[], Awaitable[Any]]:
-        """The plan with its parameters and budget, for execution and replay."""
+    def _body(self, bound: Mapping[str, Bound], *, bare: bool) -> Callable[[], Awaitable[Any]]:
+        """The plan with its parameters and budget, for execution and replay; if ``bare``, without its recoveries."""
 
         async def body() -> Any:
-            return await tidied(partial(budget, partial(self.plan, **bound), seconds=self._allowance(bound)))
+            with without_recoveries() if bare else nullcontext():
+                return await tidied(partial(budget, partial(self.plan, **bound), seconds=self._allowance(bound)))
 
         body.__name__ = self.plan.name
         vars(body)["iri"] = self.plan.iri

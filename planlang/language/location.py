@@ -36,7 +36,7 @@ from planlang.language.budgets import take_attempt
 from planlang.language.executive import executive_for
 from planlang.language.performances import performing
 from planlang.language.performing import HeldPose, held_pose, perform
-from planlang.language.recovery import Recovery, check_recoveries, matches, recovering
+from planlang.language.recovery import Recovery, check_recoveries, matches, recoveries_are_on, recovering
 from planlang.language.resources import Lease, using
 from planlang.misuse import Usage
 
@@ -173,6 +173,7 @@ class _Visit:
     async def run(self, body: Branch, attempts: int) -> Any:
         """Run the body at one base pose after another."""
         last: PlanFailure | None = None
+        attempts = attempts if recoveries_are_on() else 1
         for attempt in range(1, attempts + 1):
             try:
                 if last is not None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import field
 from enum import Enum
 from functools import partial
@@ -139,6 +141,28 @@ class Recovery:
                 raise _RECOVERY.wrong("alternatives", {key: make}, _ALTERNATIVES)
 
 
+_are_on: ContextVar[bool] = ContextVar("recoveries", default=True)
+"""False where no recovery handles a failure."""
+
+
+@contextmanager
+def without_recoveries() -> Iterator[None]:
+    """Let no recovery handle a failure inside, and location scopes try only their first base pose.
+
+    What a plan without its failure handling reaches tells what that is worth.
+    """
+    token = _are_on.set(False)
+    try:
+        yield
+    finally:
+        _are_on.reset(token)
+
+
+def recoveries_are_on() -> bool:
+    """Check whether recoveries handle failures here."""
+    return _are_on.get()
+
+
 def _values(key: str, make: Callable[[], Iterable[Any]]) -> Iterator[Any]:
     values = make()
     if not is_iterable(values):
@@ -258,7 +282,8 @@ async def _attempts(body: Callable[..., Awaitable[V]], entries: list[_Entry]) ->
 
 async def _recover(failure: PlanFailure, entries: list[_Entry], keywords: dict[str, Any]) -> Return[Any] | None:
     """Handle a failure; None if the body is to run again, else the result of the construct."""
-    number = next((n for n, entry in enumerate(entries) if matches(failure, entry.recovery.on)), None)
+    known = enumerate(entries if recoveries_are_on() else ())
+    number = next((n for n, entry in known if matches(failure, entry.recovery.on)), None)
     if number is None:
         record("recovery", decision="none", failure=failure)
         raise failure

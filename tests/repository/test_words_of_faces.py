@@ -28,8 +28,8 @@ OF_OTHERS = {
 """File -> words in it that no user of a face reads as advice."""
 WORDS = re.compile(
     r"(?<![\w-])--[a-z][a-z-]*"
-    r"|\bplanlang (?:new|compile|check|convert|merge|list|show|match|run|sweep|compare|enable|replay|report|export|locate|serve"
-    r"|backup|search|pull|push|rate|delete|watch|robot)\b"
+    r"|\bplanlang (?:new|compile|check|convert|merge|list|show|match|run|sweep|compare|enable|replay|report|export"
+    r"|locate|serve|backup|search|pull|push|rate|delete|watch|robot)\b"
 )
 
 
