@@ -22,7 +22,8 @@ def answers(tmp_path: Path, program: str, **limits: int) -> Any:
     import json, resource, sys
     from executive.processes.workers import Ending, Limits, Reply
     from executive.processes.workers import Source, Worker
-    source = Source("executive.sweeps.local:prepared", "math:sqrt", sys.argv[1], *sys.path)
+    given = json.dumps({"path": sys.path, "environment": {}})
+    source = Source("executive.sweeps.supervised:prepared", "math:sqrt", sys.argv[1], given)
     """
     stated = [f"resource.setrlimit(resource.RLIMIT_{kind}, ({most}, {most}))" for kind, most in limits.items()]
     text = "\n".join(["import resource", *stated, textwrap.dedent(head), textwrap.dedent(program), "source.close()"])
