@@ -1,4 +1,4 @@
-"""The packages of extras: the command that installs them, and the error if the one for recordings is missing."""
+"""The packages of extras: the command that installs them, and the errors if one that an option needs is missing."""
 
 from __future__ import annotations
 
@@ -34,3 +34,11 @@ def no_recorder() -> list[Diagnostic]:
         return []
     advice = Text(f"{install_command('record')}, or leave out ", Option("record"))
     return [error("C012", "a recording needs the package rerun-sdk, which is not installed", help=advice)]
+
+
+def no_cluster() -> list[Diagnostic]:
+    """Report an error (C012) if the package for clusters is not installed."""
+    if find_spec("distributed") is not None:
+        return []
+    advice = Text(f"{install_command('cluster')}, or leave out ", Option("on"))
+    return [error("C012", "a cluster needs the package distributed, which is not installed", help=advice)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -34,7 +35,8 @@ def watched(arguments: SweepArguments | CompareArguments) -> tuple[list[Row], in
     part, parts = arguments.shard or (1, 1)
     seeds = len(range(arguments.first + part - 1, arguments.first + arguments.worlds, parts))
     total = seeds * max(1, len(variants_of(arguments)))
-    progress = Counts(total, printer_of(arguments), progress_of(arguments))
+    tell = printer_of(arguments)
+    progress = Counts(total, tell, progress_of(arguments))
 
     def finished(done: Done) -> None:
         rows[done.row["world"]] = done.row
@@ -46,7 +48,7 @@ def watched(arguments: SweepArguments | CompareArguments) -> tuple[list[Row], in
 
     announce = silent if arguments.json else partial(show, detail=arguments.detail)
     try:
-        all_rows = api.sweep(arguments, announce=announce, finished=finished, resumed=resumed)
+        all_rows = api.sweep(arguments, announce=announce, finished=finished, resumed=resumed, say=tell)
     except KeyboardInterrupt:
         PROGRESS.close()
         done = [rows[key] for key in sorted(rows)]
@@ -73,6 +75,8 @@ class Counts:
         self._total, self._say, self._report = total, say, report
         self._before = self._done = self._reached = self._crashed = 0
         self._began, self._seconds = time.monotonic(), 0.0
+        self._workers: Counter[str] = Counter()
+        """Worlds by worker of a cluster."""
 
     def resumed(self, rows: Sequence[Row]) -> None:
         """Count worlds of an earlier call, which do not count for the rate."""
@@ -88,6 +92,7 @@ class Counts:
         """Count a world."""
         self._count(done.row)
         self._seconds += done.seconds
+        self._workers[done.worker] += 1
         self._report(self._line(time.monotonic() - self._began), self._done / self._total)
 
     def _count(self, row: Row) -> None:
@@ -99,5 +104,14 @@ class Counts:
         new = self._done - self._before
         rate = new / max(seconds, 1e-6)
         counts = f"{self._reached} reached" + (f", {self._crashed} crashed" if self._crashed else "")
-        each = f"{60 * rate:.0f} a minute, {self._seconds / new:.2f} s of CPU each"
+        each = f"{60 * rate:.0f} a minute{self._of_workers(seconds)}, {self._seconds / new:.2f} s of CPU each"
         return f"{self._done} of {self._total} worlds, {counts}; {each}"
+
+    def _of_workers(self, seconds: float) -> str:
+        """Say how many worlds a worker of a cluster does in a minute."""
+        rates = sorted(60 * count / max(seconds, 1e-6) for name, count in self._workers.items() if name)
+        if not rates:
+            return ""
+        if len(rates) == 1:
+            return " on one worker"
+        return f" on {len(rates)} workers, {rates[0]:.0f} to {rates[-1]:.0f} each"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -21,9 +22,9 @@ from executive.sweeps.records import LIMITS, Done
 from executive.sweeps.variants import Variant, variants_of
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.language.source import PlanSource
-from planlang.words import COMMAND_LINE, Text, calling
+from planlang.words import COMMAND_LINE, Call, Text, calling
 
-JOB = "executive.commands.swept_world:ended"
+JOB, READS = "executive.commands.swept_world:ended", "executive.commands.swept_world:assembled"
 _WALL_PER_CPU = 5.0
 """Wall-clock limit of a world in multiples of its CPU limit: other programs may use the cores, too."""
 
@@ -34,11 +35,12 @@ def swept(
     announce: Callable[[Sequence[Diagnostic]], object] = lambda found: None,
     finished: Callable[[Done], object] = lambda done: None,
     resumed: Callable[[Sequence[Row]], object] = lambda rows: None,
+    say: Callable[[str], object] = lambda line: None,
 ) -> list[Row]:
     """Run a sweep, or the rest of it, and return its rows: of each world in turn that of each variant. Raises BadInput.
 
     ``announce`` gets diagnostics before the first world, ``resumed`` the rows of an earlier call, ``finished`` each
-    world that is done.
+    world that is done, ``say`` sentences on what happens to a cluster.
     """
     variants = variants_of(options)
     parts = [_Part(options, one, number) for number, one in enumerate(variants)] or [_Part(options)]
@@ -49,6 +51,7 @@ def swept(
     return run(
         [part.world(seed) for seed in seeds for part in parts],
         JOB,
+        options.on,
         processes=options.processes,
         limits=replace(
             LIMITS,
@@ -60,6 +63,10 @@ def swept(
         about=_about(options, parts),
         shard=options.shard or (1, 1),
         together=len(parts),
+        cluster_wait=options.cluster_wait,
+        reads=READS,
+        resume=_again(options, parts[0]),
+        say=say,
         told=finished,
         resumed=resumed,
     )
@@ -88,10 +95,14 @@ class _Part:
         plan = file.text if isinstance(file, PlanSource) and file.is_in_memory else self.options.recipe
         return os.fspath(plan) if isinstance(plan, str | os.PathLike) else file.path.name
 
+    @property
+    def named(self) -> str:
+        """The recipe or plan in a command."""
+        return self.files.file.path.name if "\n" in self._recipe else self._recipe
+
     def call(self, **more: object) -> str:
         """The command that runs a world."""
-        named = self.files.file.path.name if "\n" in self._recipe else self._recipe
-        return COMMAND_LINE.call(calling("run", named, **dict(stated(self._run, SituationSettings)), **more))
+        return COMMAND_LINE.call(calling("run", self.named, **dict(stated(self._run, SituationSettings)), **more))
 
     def world(self, seed: int) -> World:
         """The world of a seed."""
@@ -136,6 +147,28 @@ class _Part:
         yield f"{before}settings", dict(self.files.options.set or {})
         for name, path in self.inputs():
             yield f"{before}content of {name}", hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _again(options: SweepOptions, part: _Part) -> Call | None:
+    """Return the call that runs the rest of a sweep; None if nothing of it is kept."""
+    if options.output is None:
+        return None
+    values = {**dict(stated(options, SweepOptions)), "output": options.output, "csv": options.csv}
+    texts: dict[str, object] = {
+        "vary": [f"{name}={text}" for name, each in (options.vary or {}).items() for text in _texts(each)],
+        "shard": None if options.shard is None else "/".join(map(str, options.shard)),
+        "cluster_wait": f"{options.cluster_wait:g}s",
+    }
+    if all(isinstance(words, list) for words in (options.variant or {}).values()):  # as the command line has them
+        texts["variant"] = [f"{name}: {shlex.join(words)}" for name, words in (options.variant or {}).items()]
+    values |= {name: text for name, text in texts.items() if name in values}
+    return calling("sweep", part.named, **values, reports=options.reports)
+
+
+def _texts(values: Sequence[Any]) -> list[str]:
+    """Texts for the values of what varies, one if no comma is part of a value."""
+    texts = list(map(str, values))
+    return texts if any("," in one for one in texts) else [",".join(texts)]
 
 
 def _about(options: SweepOptions, parts: Sequence[_Part]) -> Mapping[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -36,3 +37,17 @@ def ended(world: Mapping[str, Any]) -> dict[str, Any]:
         "final_state": list(result.final_state),
         "largest_tilts": result.tilts.degrees(),
     }
+
+
+class _Assembled(Exception):
+    """The run is assembled, and all its files have been read."""
+
+
+def assembled(world: Mapping[str, Any]) -> None:
+    """Read the files of a world as its run does, and do not run it. Raises BadInput."""
+
+    def stop(executive: object) -> None:
+        raise _Assembled
+
+    with suppress(_Assembled):
+        run_plan_file(replace(RunOptions.of(made(RunSettings, world["options"])), around=stop))

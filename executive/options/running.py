@@ -22,6 +22,7 @@ from executive.options.declaring import (
     view,
     written,
 )
+from executive.options.engines import LOCAL, engine, seconds
 from executive.options.varying import labelled, varied
 from planlang.diagnostics import BadInput, error
 from planlang.language.source import PlanSource
@@ -111,6 +112,19 @@ IgnoreUnread = Annotated[
     ),
 ]
 Csv = Annotated[Path | None, written("Also write the rows as CSV.")]
+On = Annotated[
+    str,
+    option(
+        metavar="local|dask|ADDRESS",
+        help="Where worlds run: on this machine (local), on a cluster of dask.distributed that is started here (dask), "
+        "or on the cluster of this scheduler, tcp://HOST:8786 or tls://HOST:8786.",
+        parse=engine,
+    ),
+]
+ClusterWait = Annotated[
+    float,
+    option(metavar="SECONDS", help="Give up after this time without a worker of the cluster.", parse=seconds),
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -280,8 +294,15 @@ class SweepOptions(SituationSettings):
     ] = None
     processes: Annotated[
         int | None,
-        option(least=1, most=1000, metavar="N", help="Number of worlds run in parallel; default: one per core."),
+        option(
+            least=1,
+            most=1000,
+            metavar="N",
+            help="Number of worlds run in parallel on this machine; default: one per core.",
+        ),
     ] = None
+    on: On = LOCAL
+    cluster_wait: ClusterWait = 300.0
     shard: Annotated[
         tuple[int, int] | None,
         option(

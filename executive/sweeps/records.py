@@ -8,12 +8,14 @@ from typing import Any
 
 from executive.processes.workers import Limits
 from planlang.records import dataclass
+from planlang.words import Call
 
 World = Mapping[str, Any]
 """Input of a job (JSON): ``world``, a unique key (number or text), and whatever else the job needs.
 
 ``repeat``, the command line that repeats this world, and the entries of ``columns`` are copied into its row. Worlds
-with other ``programs`` (a text: code of users) share no process, as one might change what the other runs.
+with other ``programs`` (a text: code of users) share no process, as one might change what the other runs. ``report`` is
+the path of a page that the job may write.
 """
 Row = dict[str, Any]
 """Result of a job in a world (JSON), after ``world`` and ``repeat``. Sweeps use these optional keys:
@@ -36,9 +38,17 @@ class Done:
     row: Row
     seconds: float
     """CPU time [s]; 0 if the process crashed."""
+    worker: str = ""
+    """Worker of a cluster that ran it."""
+    page: bytes | None = None
+    """What the job wrote to ``report``, if it ran where that is no file of this machine."""
 
 
-@dataclass(frozen=True, slots=True)
+CLUSTER_WAIT = 300.0
+"""Time without a worker after which a sweep on a cluster gives up [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Task:
     """The job that a backend runs in each world."""
 
@@ -46,6 +56,16 @@ class Task:
     """Importable function, ``module:function``."""
     limits: Limits
     processes: int
+    on: str = "local"
+    """``local``, ``dask``, or the address of a scheduler of dask.distributed."""
+    cluster_wait: float = CLUSTER_WAIT
+    """Time without a worker after which a sweep on a cluster gives up [s]."""
+    reads: str | None = None
+    """Importable function that reads the files of a world as the job does; workers elsewhere get these files."""
+    resume: Call | None = None
+    """Call that runs the worlds that are left."""
+    say: Callable[[str], object] = lambda line: None
+    """Gets sentences on what happens to a cluster."""
 
 
 Backend = Callable[[Sequence[World], Task], AbstractContextManager[Iterator[Done]]]
@@ -55,6 +75,10 @@ Backend = Callable[[Sequence[World], Task], AbstractContextManager[Iterator[Done
 def columns_of(world: World) -> Row:
     """What is known of a row before its world runs."""
     return {key: world[key] for key in ("world", "repeat") if key in world} | dict(world.get("columns", {}))
+
+
+COPIED = ("world", "repeat", "columns")
+"""Entries of a world that its row has."""
 
 
 def is_reached(row: Row) -> bool:

@@ -5,16 +5,18 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from executive.options.engines import LOCAL, engine
 from executive.processes.workers import Limits
 from executive.sweeps import local
 from executive.sweeps.files import SweepFile, header_of
-from executive.sweeps.records import LIMITS, Backend, Done, Row, Task, World
-
-BACKENDS: Mapping[str, Backend] = {"local": local.worlds_done}
-"""Backends by name: a backend runs worlds and yields results, this module stores them."""
+from executive.sweeps.records import CLUSTER_WAIT, LIMITS, Backend, Done, Row, Task, World
+from planlang.diagnostics import BadInput
+from planlang.extras import no_cluster
+from planlang.words import Call
 
 
 def run(
@@ -28,6 +30,10 @@ def run(
     about: Mapping[str, Any] | None = None,
     shard: tuple[int, int] = (1, 1),
     together: int = 1,
+    cluster_wait: float = CLUSTER_WAIT,
+    reads: str | None = None,
+    resume: Call | None = None,
+    say: Callable[[str], object] = lambda line: None,
     told: Callable[[Done], object] = lambda done: None,
     resumed: Callable[[Sequence[Row]], object] = lambda rows: None,
 ) -> list[Row]:
@@ -43,14 +49,31 @@ def run(
     count as one, so that a shard has all variants of its seeds. ``processes`` defaults to the number
     of cores. ``resumed`` is called once with the rows already in the file, ``told`` with each new result.
 
-    Raises BadInput as the job does (a job that can skip a world returns a row instead), or if ``out`` belongs to
-    another sweep; KeyError if the backend ``on`` is unknown; ValueError if two worlds have the same key.
+    ``on`` is ``local``, ``dask`` for a cluster of dask.distributed with one worker on this machine, or the address of
+    the scheduler of another cluster (``tcp://host:8786``, ``tls://...``), whose workers have as many slots as threads.
+    Their files they get by content: those that ``reads`` (``module:function``) opens, called with a world that names
+    files. ``say`` gets sentences on workers that are lost or refused. After ``cluster_wait`` [s] without a worker the
+    sweep gives up, and names the call ``resume``.
+
+    Raises BadInput as the job does (a job that can skip a world returns a row instead), if ``out`` belongs to another
+    sweep, if ``on`` is unknown or its package is missing, if the cluster is lost or has another planlang; ValueError if
+    two worlds have the same key.
     """
     if len({world["world"] for world in worlds}) < len(worlds):
         raise ValueError("two worlds have the same key")
     part, parts = shard
     own = [world for index, world in enumerate(worlds) if index // together % parts == part - 1]
-    backend, task = BACKENDS[on], Task(job, limits, processes or available_cores())
+    task = Task(
+        job=job,
+        limits=limits,
+        processes=processes or available_cores(),
+        on=on,
+        cluster_wait=cluster_wait,
+        reads=reads,
+        resume=resume,
+        say=say,
+    )
+    backend = backend_of(on)
     with ExitStack() as stack:
         rows: dict[Any, Row] = {}
         file = None
@@ -69,6 +92,17 @@ def run(
         if file is not None:
             file.finish(ordered)
     return ordered
+
+
+def backend_of(on: str) -> Backend:
+    """Return the backend of an engine. Raises BadInput if it is unknown, or if its package is missing."""
+    if engine(on) == LOCAL:
+        return local.worlds_done
+    if problems := no_cluster():
+        raise BadInput(problems)
+    module = import_module("executive.sweeps.cluster")  # of distributed, an extra that takes half a second to import
+    backend: Backend = module.worlds_done
+    return backend
 
 
 def available_cores() -> int:

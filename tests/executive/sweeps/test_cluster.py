@@ -1,0 +1,212 @@
+"""Sweeps on a cluster of dask.distributed: the rows are those of one machine, whatever happens to workers."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import dask
+import pytest
+from distributed import LocalCluster
+
+from executive.processes.workers import Limits
+from executive.sweeps import run
+from executive.sweeps.files import read_sweep
+from executive.sweeps.records import Done
+from tests.support.refusals import refusal
+
+SQUARE, ENDS, READING = (f"tests.support.sweep_jobs:{job}" for job in ("square", "ends", "reading"))
+TOP = Path(__file__).resolve().parents[3]
+LIMITS = Limits(seconds=5, memory=300_000_000, wall=3.0)
+SETTINGS = {"distributed.worker.profile.enabled": False, "distributed.admin.system-monitor.interval": "10s"}
+
+
+@contextmanager
+def cluster(workers: int = 1, slots: int = 2, port: int = 0) -> Iterator[LocalCluster]:
+    """A scheduler and workers in this process, which a sweep reaches by the network."""
+    with (
+        dask.config.set(SETTINGS),
+        LocalCluster(
+            n_workers=workers,
+            threads_per_worker=slots,
+            processes=False,
+            scheduler_port=port,
+            protocol="tcp://",
+            dashboard_address="127.0.0.1:0",
+            worker_dashboard_address="127.0.0.1:0",
+            memory_limit=0,
+        ) as made,
+    ):
+        yield made
+
+
+def numbered(count: int, **more: Any) -> list[dict[str, Any]]:
+    return [{"world": number, **more} for number in range(1, count + 1)]
+
+
+def test_a_sweep_has_the_same_bytes_on_a_cluster_and_on_one_machine(tmp_path: Path) -> None:
+    with cluster(workers=2) as made:
+        done: list[Done] = []
+        rows = run(numbered(9), SQUARE, made.scheduler_address, out=tmp_path / "cluster", told=done.append)
+        assert {one.worker for one in done} == {address.partition("://")[2] for address in made.scheduler.workers}
+        assert not made.scheduler.tasks
+    assert run(numbered(9), SQUARE, out=tmp_path / "local") == rows
+    assert (tmp_path / "cluster").read_bytes() == (tmp_path / "local").read_bytes()
+
+
+def test_a_sweep_begun_on_one_machine_goes_on_in_a_cluster(tmp_path: Path) -> None:
+    out, log = tmp_path / "rows", tmp_path / "log"
+    worlds = numbered(6, log=str(log))
+
+    def interrupt(done: Done) -> None:
+        if done.row["world"] == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(worlds, SQUARE, processes=1, out=out, told=interrupt)
+    missing = [one["world"] for one in worlds if one["world"] not in {row["world"] for row in read_sweep(out).rows}]
+    told: list[int] = []
+    with cluster() as made:
+        run(worlds, SQUARE, made.scheduler_address, out=out, told=lambda done: told.append(done.row["world"]))
+    assert sorted(told) == missing
+    assert [row["square"] for row in read_sweep(out).rows] == [1, 4, 9, 16, 25, 36]
+
+
+def test_bad_input_ends_the_sweep_and_the_next_one_uses_the_same_workers() -> None:
+    with cluster() as made:
+        with refusal("C001"):
+            run(numbered(3, how="refuse"), ENDS, made.scheduler_address)
+        assert len(run(numbered(3), SQUARE, made.scheduler_address)) == 3
+
+
+def test_a_sweep_gives_up_without_a_scheduler_and_says_so() -> None:
+    lines: list[str] = []
+    with refusal("C036", naming="2 of 2 worlds have not run"):
+        run(numbered(2), SQUARE, "tcp://127.0.0.1:9", cluster_wait=0.0, say=lines.append)
+    assert lines == [
+        "no scheduler answers at tcp://127.0.0.1:9: 2 worlds run once workers join; waits up to 0 s for one"
+    ]
+
+
+@pytest.mark.parametrize("engine", ["slurm", "tcp:host", "http://host:8786", ""])
+def test_an_engine_that_there_is_not_is_refused(engine: str) -> None:
+    with refusal("C040", naming="local, dask, or the address of a scheduler"):
+        run(numbered(1), SQUARE, engine)
+
+
+def test_files_travel_by_content_and_rows_have_the_paths_of_the_client(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "real").mkdir()
+    (tmp_path / "real" / "kitchen").write_text("room")
+    (tmp_path / "real" / "room").write_text("a table")
+    (tmp_path / "maps" / "home").symlink_to("../real/kitchen")
+    monkeypatch.chdir(tmp_path)
+    inode = (tmp_path / "real" / "room").stat().st_ino
+    for name in ("maps/home", str(tmp_path / "maps" / "home")):
+        worlds = numbered(3, file=name, inode=inode)
+        with cluster() as made:
+            rows = run(worlds, READING, made.scheduler_address, reads=READING)
+        assert [row["original"] for row in rows] == [False] * 3
+        here = run(worlds, READING, processes=1)
+        assert [row | {"original": True} for row in rows] == here
+        assert here[0]["message"] == f"{tmp_path}/real/room was read"
+
+
+def test_pages_that_worlds_write_on_a_worker_are_written_on_the_client(tmp_path: Path) -> None:
+    (tmp_path / "home").write_text("home")
+    worlds = [one | {"report": str(tmp_path / "pages" / f"{one['world']}.html")} for one in numbered(2)]
+    with cluster() as made:
+        run([one | {"file": str(tmp_path / "home")} for one in worlds], READING, made.scheduler_address)
+    assert [Path(one["report"]).read_text() for one in worlds] == ["page of 1", "page of 2"]
+
+
+@pytest.mark.parametrize(
+    ("what", "value", "said"),
+    [
+        ("executive.sweeps.dispatch.version", lambda name: "9.9", "all workers have planlang 0.1.0, not planlang 9.9"),
+        ("executive.sweeps.cluster.program", lambda: "1234567890", "with other content"),
+    ],
+)
+def test_workers_with_another_planlang_are_refused(
+    what: str, value: object, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(what, value)
+    with cluster() as made, refusal("C037", naming=said):
+        run(numbered(2), SQUARE, made.scheduler_address)
+
+
+def test_worlds_of_a_worker_that_dies_run_again_on_another_one() -> None:
+    lines: list[str] = []
+    with cluster(workers=2) as made:
+
+        def told(done: Done) -> None:
+            if len(made.scheduler.workers) == 2:
+                made.sync(made.scheduler.remove_worker, f"tcp://{done.worker}", stimulus_id="test")
+
+        rows = run(numbered(40), SQUARE, made.scheduler_address, told=told, say=lines.append)
+    assert [row["square"] for row in rows] == [number**2 for number in range(1, 41)]
+    assert [line.partition("died: its ")[2] for line in lines] == ["3 worlds run again"]
+
+
+def test_a_sweep_goes_on_when_its_scheduler_is_started_again() -> None:
+    lines: list[str] = []
+    with ExitStack() as first, ExitStack() as second:
+        made = first.enter_context(cluster())
+        address = made.scheduler_address
+
+        def told(done: Done) -> None:
+            if not lines:
+                first.close()
+                lines.append("closed")
+                second.enter_context(cluster(port=int(address.rpartition(":")[2])))
+
+        rows = run(numbered(30), SQUARE, address, told=told, say=lines.append)
+    assert [row["square"] for row in rows] == [number**2 for number in range(1, 31)]
+
+
+@pytest.mark.long
+def test_kill_9_of_a_worker_costs_no_world_and_leaves_no_process(tmp_path: Path) -> None:
+    worlds = numbered(6, how="worker killed once", marker=str(tmp_path / "marker"))
+    lines: list[str] = []
+    rows = run(worlds, ENDS, "dask", processes=2, limits=LIMITS, say=lines.append)
+    assert [row["square"] for row in rows] == [1, 4, 9, 16, 25, 36]
+    assert [line.partition(" ")[2].partition("died")[1] for line in lines] == ["died"]
+    processes = (tmp_path / "marker").read_text().split()
+    assert [one for one in processes if Path(f"/proc/{one}").exists()] == []
+
+
+@pytest.mark.long
+def test_what_happens_to_a_process_costs_its_world_only_on_a_cluster_as_on_one_machine(tmp_path: Path) -> None:
+    hows = ["abort", "killed once", "hang", "fill", "mistake", "no JSON", "well"]
+    worlds = [
+        {"world": number, "how": how, "marker": str(tmp_path / "marker"), "repeat": f"again {how}"}
+        for number, how in enumerate(hows)
+    ]
+    rows = run(worlds, ENDS, "dask", processes=2, limits=LIMITS)
+    (tmp_path / "marker").unlink()
+    assert rows == run(worlds, ENDS, processes=2, limits=LIMITS)
+    assert [row["failure"] for row in rows if row["outcome"] == "crashed"] == [
+        ["ProcessEnded"], ["OutOfTime"], ["OutOfMemory"], ["ZeroDivisionError"], ["TypeError"]
+    ]  # fmt: skip
+
+
+PROGRAM = """
+from executive.sweeps import run
+print(len(run([{"world": 1}, {"world": 2}], "tests.support.sweep_jobs:square", "dask", processes=1)))
+"""
+
+
+@pytest.mark.long
+def test_a_program_without_a_guard_for_its_main_part_runs_a_sweep_once(tmp_path: Path) -> None:
+    (tmp_path / "program.py").write_text(PROGRAM)
+    command = [sys.executable, str(tmp_path / "program.py")]
+    environment = {**os.environ, "PYTHONPATH": str(TOP)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("2\n", "")
