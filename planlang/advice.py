@@ -1,7 +1,7 @@
 """Advice of failures as data: what to change in the map, or in the call, so that what failed has a way.
 
 A change in JSON is ``{"thing": "cup1", "property": "translation", "value": [1.35, 0.1, 0.79]}``, for an option
-``{"option": "start", "value": [1.0, 0.0, 3.14]}``.
+``{"option": "start", "value": [1.0, 0.0, 3.14]}`` or ``{"option": "arm", "value": "left"}``.
 """
 
 from __future__ import annotations
@@ -14,11 +14,15 @@ from planlang.records import dataclass
 
 TRANSLATION, POSITION, ABSENT = "translation", "jointPosition", "absent"
 """Properties of things that a change may state."""
-START = "start"
-"""Option that a change may state."""
+START, ROBOT, SCHEDULE, ARM, GRASP, ATTEMPTS, BEFORE = (
+    "start", "robot", "schedule", "arm", "grasp", "attempts", "before"
+)  # fmt: skip
+"""Options of a run that a change may state."""
 LENGTHS = {TRANSLATION: 3, START: 3}
 """Property or option -> how many numbers its value has."""
-Value = float | bool | tuple[float, ...]
+WORDS, COUNTS = (ROBOT, ARM, GRASP, BEFORE), (SCHEDULE, ATTEMPTS)
+"""Options whose value is a text, and those whose value is a whole number."""
+Value = float | bool | str | tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +31,8 @@ class Change:
 
     ``what`` is ``translation`` (x, y, z of the centre in the frame of the map, whatever the pose is stated relative to
     [m]), ``jointPosition`` as maps state it [m, rad], or ``absent`` (True: the map lacks the thing). Without a
-    ``thing`` it is an option: ``start`` (x, y [m], yaw [rad]).
+    ``thing`` it is an option of the run: ``start`` (x, y [m], yaw [rad]), ``robot``, ``schedule``, ``arm``, ``grasp``,
+    ``attempts``, or an action ``before`` the plan.
     """
 
     what: str
@@ -47,14 +52,18 @@ class Change:
         match json:
             case {"thing": str(thing), "property": "translation" | "jointPosition" | "absent" as what, "value": value}:
                 return Change(what, _value(what, value), thing)
-            case {"option": "start", "value": value}:
-                return Change(START, _value(START, value))
+            case {"option": str(name), "value": value} if name in (START, *WORDS, *COUNTS):
+                return Change(name, _value(name, value))
         raise ValueError(f"{json!r} is no change of a map or an option")
 
 
 def _value(what: str, value: object) -> Value:
     if what == ABSENT and value is True:
         return True
+    if what in WORDS and isinstance(value, str) and value:
+        return value
+    if what in COUNTS and type(value) is int and value >= 0:
+        return value
     if isinstance(value, list) and len(value) == LENGTHS.get(what) and all(map(_is_number, value)):
         return tuple(map(float, value))
     if what == POSITION and _is_number(value):

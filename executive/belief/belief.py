@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from executive.belief.known_things import KnownThings, ignore
-from executive.belief.memory import BasePose, Recognition, Source
+from executive.belief.memory import MOST_FAILURES, BasePose, Recognition, Source
 from executive.belief.obstacles import NAMES
 from executive.belief.snapshots import dump_belief, load_belief
 from executive.maps.classes import MapObject
@@ -161,12 +161,20 @@ class Belief(KnownThings):
         if self.memory.given_up != before.given_up:
             self._changed("given up", name=f"hand of {arm}")
 
+    def prefer(self, others: Iterable[str], grasp: str | None) -> None:
+        """Give up the hands of ``others`` from the start, and take things by grasps of a class, if that does."""
+        self.memory = replace(self.memory, failing=dict.fromkeys(others, MOST_FAILURES), grasp=grasp)
+
     def rely_on_all_hands(self) -> bool:
-        """Forget the failures of hands that were given up, as the others did not do; False if there are none."""
+        """Forget which hands were given up, and the preferred grasp, as the others did not do; False without any."""
         for arm in (given_up := self.memory.given_up):
             self.memory = replace(self.memory, failing=without(self.memory.failing, arm))
             self._changed("tried again", name=f"hand of {arm}")
-        return bool(given_up)
+        grasp = self.memory.grasp
+        if grasp is not None:
+            self.memory = replace(self.memory, grasp=None)
+            self._changed("tried again", name=f"other grasps than {grasp}")
+        return bool(given_up) or grasp is not None
 
     def grasped(self, name: str, arm: str, link: str, offset: Pose) -> None:
         """Record that a hand has grasped an object, in addition to hands that hold it already."""

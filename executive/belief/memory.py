@@ -137,6 +137,8 @@ class Memory:
     """Object -> its poses in the tip frame that are ruled out as grips, because it could not be used with them."""
     failing: Mapping[str, int] = field(default_factory=dict)
     """Arm -> how often its fingers failed to reach their goal since it last grasped something."""
+    grasp: str | None = None
+    """Class of the grasps by which things are taken; None for any."""
 
     @property
     def given_up(self) -> tuple[str, ...]:
@@ -149,7 +151,7 @@ class Memory:
         Nor what designators are bound to, as a question binds those that it names.
         """
         sources = {name: (known.source, known.moves == self.moves) for name, known in self.known.items()}
-        return sources, self.in_vain, self.unknown, self.given_up
+        return sources, self.in_vain, self.unknown, self.given_up, self.grasp
 
     def learned(self, names: Iterable[str], source: Source) -> Memory:
         """Know the poses of objects from a source, from now on."""

@@ -256,6 +256,11 @@ class RobotArms(ScenePart):
         """Leave out the arms whose hands were given up because they failed; keep all if no other is left."""
         return [arm for arm in arms if arm.name not in self._belief.memory.given_up] or list(arms)
 
+    @property
+    def grasp(self) -> str | None:
+        """Class of the grasps by which things are taken where a location leaves it open; None for any."""
+        return self._belief.memory.grasp
+
     def tip(self, arm: ArmModel) -> Array:
         """Compute the pose (4, 4) of an arm's tip in the map."""
         return self._world.link_pose(arm.tip).matrix()

@@ -15,6 +15,7 @@ from executive.belief.believed_bodies import BelievedBodies
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.reachability import CELL
 from executive.locations.rejections import Rejections
+from executive.maps.single_changes import leaf_moved, started_at, things_away, things_moved
 from executive.motion import clearance_at
 from executive.robots import CARRYING
 from executive.robots.arms import called
@@ -51,8 +52,6 @@ MOST_LEAVES = 2
 """Number of these."""
 FURTHER = 0.9
 """Share of its range below which a leaf may be opened further."""
-DIGITS = 6
-"""Decimal places of what a change states [m, rad]."""
 OPEN, CLOSE = "OpeningAContainerArtifact", "ClosingAContainerArtifact"
 
 IsFeasible = Callable[[PlanningScene], bool | None]
@@ -98,11 +97,6 @@ def _opening(belief: Belief, change: Change) -> float:
     """Return the opening of a leaf [rad, m] that a change states as maps do."""
     assert isinstance(change.value, float)
     return belief.joints[str(change.thing)].sign * change.value
-
-
-def leaf_moved(joint: Articulation, value: float) -> tuple[Change, ...]:
-    """Return the change by which a leaf is open by a value [rad, m]."""
-    return (Change(POSITION, round(joint.sign * value + 0.0, DIGITS), joint.leaf),)
 
 
 def _measure(joint: Articulation, value: float) -> str:
@@ -217,7 +211,7 @@ class Changes:
         ]
         holds = self.scene.collisions.floor().holds(np.array(bases))
         for base in islice((base for base, fits in zip(bases, holds, strict=True) if fits), MOST_STARTS):
-            change = (Change(START, base),)
+            change = started_at(base)
             at = f"started at x = {base[0]:.2f}, y = {base[1]:.2f}"
             if self._helps(change, f"{at}, yaw = {base[2]:.2f}"):
                 return Advice(f"{at}, yaw = {base[2]:.2f}, the robot could reach {self.body}", change)
@@ -226,7 +220,7 @@ class Changes:
     def _once_left(self) -> Advice | None:
         """Name what drives by itself, if that is in the way where it is now."""
         for name in self.scene.movers():
-            gone = (Change(ABSENT, True, name),)
+            gone = things_away([name])
             if name not in self._needed and self._helps(gone):
                 return Advice(f"{name}, which drives by itself, is in the way where it is now", gone)
         return None
@@ -253,7 +247,7 @@ class Changes:
 
     def _past(self, side: Array, farthest: float, others: Sequence[str]) -> Advice | None:
         """Find out whether the thing is reached without what stands between it and an edge, where it is or there."""
-        gone = tuple(Change(ABSENT, True, name) for name in others)
+        gone = things_away(others)
         named = f"without {' and '.join(others)}"
         if self._helps(gone, named):
             return Advice(f"{named} this would work", gone)
@@ -338,7 +332,7 @@ class Changes:
         for name in islice(names, MOST_TRIED):
             leaf, riders = self.scene.belief.joints.get(name), self.scene.world.standing_on(name)
             gone = {name, *riders, *(leaf.bodies if leaf is not None else ())}.difference(fixed)
-            changes = tuple(Change(ABSENT, True, one) for one in sorted(gone))
+            changes = things_away(sorted(gone))
             if self._helps(changes, f"without {name}"):
                 open_leaf = f"{name} is in the way as it is open: " if leaf is not None else ""
                 and_riders = " and what stands on it" if riders else ""
@@ -368,9 +362,7 @@ class Changes:
         poses = {self.body: pose, **{one: change @ bodies.pose(one) for one in sorted(self._along)}}
         # maps state poses as if the drawer in which a thing stands were closed
         closing = self.scene.belief.closed_pose(self.body) @ bodies.pose(self.body).inverse()
-        poses = {name: closing @ one for name, one in poses.items()}
-        places = {name: tuple(round(value, DIGITS) for value in one.position) for name, one in poses.items()}
-        return tuple(Change(TRANSLATION, place, name) for name, place in places.items())
+        return things_moved({name: closing @ one for name, one in poses.items()})
 
     def _helps(self, changes: Iterable[Change], said: str = "") -> bool:
         """Check whether changes help; what is ``said`` of them is listed as tried if they do not.

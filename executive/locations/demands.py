@@ -352,6 +352,8 @@ def _by_arms(reach: Reach, location: Location, arms: RobotArms) -> Reach:
     if reach.kind is ReachKind.OFFER:
         names = tuple(name for name in names or () if arms.held(name) is not None) or names
     chosen = location.grasp if reach.kind in (ReachKind.GRASP, ReachKind.ABOVE) else None
+    if reach.kind is ReachKind.GRASP:
+        chosen = chosen or arms.grasp
     return replace(reach, arms=names, grasp=chosen)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
@@ -24,7 +25,8 @@ from executive.options.declaring import (
 )
 from executive.options.engines import LOCAL, engine, seconds
 from executive.options.varying import labelled, varied
-from planlang.diagnostics import BadInput, error
+from planlang.designators import GRASPS
+from planlang.diagnostics import BadInput, WrongOption, error
 from planlang.language.source import PlanSource
 from planlang.outputs import PNG, PNG_OR_SVG, WEBP
 from planlang.records import dataclass
@@ -46,6 +48,14 @@ def source(given: Any) -> Source:
         return found
     advice = "write the name of a bundled recipe, a path, or the text"
     raise BadInput([error("C040", f"{given!r} is neither a recipe nor a plan", help=advice)])
+
+
+def grasp(given: Any) -> str:
+    """Check a class of grasps. Raises WrongOption."""
+    if given not in GRASPS:
+        raise WrongOption(Option("grasp", given), f": write {' or '.join(GRASPS)}")
+    found: str = given
+    return found
 
 
 Recipe = Annotated[
@@ -176,6 +186,37 @@ class SituationSettings(TaskOptions):
         int | None, option(least=0, metavar="K", help="Run concurrent tasks in another order, which K determines.")
     ] = None
     set: Set = None
+    arm: Annotated[
+        str | None,
+        option(
+            metavar="NAME",
+            help="Grasp with this arm, with another only where it finds no way.",
+            in_header=InHeader("arm"),
+        ),
+    ] = None
+    grasp: Annotated[
+        str | None,
+        option(
+            metavar="|".join(GRASPS),
+            help="Grasp things from there, from elsewhere only where it finds no way.",
+            parse=grasp,
+            in_header=InHeader("grasp"),
+        ),
+    ] = None
+    attempts: Annotated[
+        int | None,
+        option(
+            least=0, most=100, metavar="N", help="Let each recovery try N times more.", in_header=InHeader("attempts")
+        ),
+    ] = None
+    before: Annotated[
+        list[str] | None,
+        option(
+            metavar="ACTION",
+            help="Perform an action before the plan, such as 'OpeningAContainerArtifact door1'. Repeatable.",
+            in_header=InHeader("before"),
+        ),
+    ] = None
     trust_map: Annotated[
         bool,
         option(help="Take the map's poses as seen; needs no camera.", in_header=InHeader("trusts_map")),
@@ -341,6 +382,30 @@ class SweepOptions(SituationSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
+class WhyOptions(SituationSettings):
+    """Options of the search for what a failed run lacked."""
+
+    trace: Annotated[Path, argument(metavar="TRACE", help="The trace of a run that failed.")]
+    file: Annotated[
+        str | None,
+        argument(metavar="RECIPE|PLAN", help="The recipe or plan that was run; needed unless it is bundled."),
+    ] = None
+    apply: Annotated[
+        Path | None,
+        written("Write the change to this file, which the same option of a run reads; default: TRACE.apply.json."),
+    ] = None
+    report: Annotated[
+        Path | None,
+        written("Write an HTML page with both runs on one clock: the failed one, and the one that is done."),
+    ] = None
+    budget: Annotated[int, option(least=1, most=10_000, metavar="N", help="Rerun the plan at most N times.")] = 40
+    processes: Annotated[
+        int | None,
+        option(least=1, most=1000, metavar="N", help="Number of reruns in parallel; default: one per core."),
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class LocateOptions(OntologyOptions):
     """Options of a search for poses."""
 
@@ -384,11 +449,10 @@ def header_entries(settings: RunSettings, **instead: Any) -> dict[str, Any]:
 
 
 def settings_from_header(header: Mapping[str, Any]) -> dict[str, Any]:
-    """Options that a resumed run takes from the header of its trace."""
-    values = {name: header.get(one.key) for name, one in in_header().items() if one.taken}
-    return {
-        name: list(map(str, value)) if isinstance(value, list) else value
-        for name, value in values.items()
-        if isinstance(value, list | int | float)
-        and isinstance(value, bool) == isinstance(getattr(RunSettings, name), bool)  # 1 is not True
-    }
+    """Options that a resumed run takes from the header of its trace, without those that it cannot have."""
+    known, found = declared(RunSettings), dict[str, Any]()
+    for option_name, one in in_header().items():
+        if one.taken and header.get(one.key) is not None:
+            with suppress(ValueError, BadInput):
+                found[option_name] = known[option_name].value(header[one.key])
+    return found

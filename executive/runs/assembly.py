@@ -140,17 +140,22 @@ def platform_of(
     trusts_map: bool = False,
     unknown: Iterable[str] = (),
     models: Iterable[str] | None = None,
+    arm: str | None = None,
+    grasp: str | None = None,
 ) -> Platform:
     """Make the platform of a robot: its interface, belief and planning scene.
 
     ``report`` gets the progress of reachability maps. With ``trusts_map``, poses of the map count as seen; the poses of
     ``unknown`` things are not known. ``models``: classes with recognition models, beside the robot file's; None: all.
+    ``arm`` and ``grasp`` are used first where the plan leaves them open. Raises BadInput for an arm that it has not.
     """
     own = robot.camera.recognises if robot.camera else None
     classes = own if models is None else (*(own or ()), *models)
     belief = Belief(
         semantic_map, believed, robot=robot.name, trusts_map=trusts_map, unknown=unknown, recognised=classes
     )
+    if arm is not None or grasp is not None:
+        belief.prefer(_other_hands(robot, arm), grasp)
     handle = RobotHandle(robot.name, interface, RobotModel.of(robot, believed))
     planning_scene = PlanningScene(believed, handle.model, belief)
     ontology = semantic_map.ontology
@@ -168,6 +173,14 @@ def platform_of(
         frozenset(map(shorten, declared(ontology).ending("holding"))),
         np.random.default_rng(seed),
     )
+
+
+def _other_hands(robot: Robot, arm: str | None) -> list[str]:
+    names = [one.name for one in robot.arms]
+    if arm is not None and arm not in names:
+        advice = f"its arms: {', '.join(names) or 'none'}"
+        raise BadInput([error("X005", Text(Option("arm", arm), f": {robot.name} has no such arm"), help=advice)])
+    return [] if arm is None else [one for one in names if one != arm]
 
 
 def take(platform: Platform, truth: PyBulletWorld, held: Mapping[str, Hold]) -> None:

@@ -17,6 +17,7 @@ from executive.options.declaring import view as checked_view
 from executive.options.running import RunSettings
 from executive.runs.failure import Failure
 from executive.runs.traces import read_trace
+from planlang.advice import Change
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, error
 from planlang.notebooks import framed
@@ -34,6 +35,7 @@ from sim.truth import ROBOT, Truth, at_rest_on, held_by, is_inside
 
 if TYPE_CHECKING:
     from executive.runs.assembly import RobotExecutive
+    from executive.runs.explanation import Explanation
 
 
 class Outcome(Enum):
@@ -49,6 +51,8 @@ class Outcome(Enum):
 class RunOptions(RunSettings):
     """Options of a run, and its observers."""
 
+    changes: tuple[Change, ...] = ()
+    """Changes of the map, and of options, as a file for ``apply`` has them; they count instead of it."""
     recipes: tuple[Path, ...] = ()
     """Files with recipes of steps that the recipe does not refine itself."""
     repeated: RecordedRun | None = None
@@ -178,6 +182,14 @@ class EndedRun:
     ) -> None:
         """``events``: records of the trace, unless ``options`` wrote it to a file; ``run`` executes a run."""
         self._options, self._events, self._run = options, events, run
+        self.explain: Callable[..., Any] | None = None
+        """Finds out why the run failed, of its trace and options; None below the faces of planlang."""
+
+    def why(self, **more: Any) -> Any:
+        """Find the smallest change after which the run reaches its goal. Raises BadInput."""
+        if self.explain is None:
+            raise BadInput([error("C041", "nothing explains this run: it was not run by planlang.simulate")])
+        return self.explain(self._recorded(), self._options, **more)
 
     def records(self) -> Sequence[Mapping[str, Any]]:
         """Records of the trace. Raises BadInput if its file cannot be read."""
@@ -281,6 +293,15 @@ class RunResult:
         BadInput if the file cannot be written, or the run cannot be repeated.
         """
         return self._shown().write("report", Path(path), force=force)
+
+    def why(self, *, budget: int | None = None, processes: int | None = None) -> Explanation:
+        """Find the smallest change after which the goal is reached, by at most ``budget`` whole reruns.
+
+        ``str()`` of the result is the answer for people; it has ``sentence``, ``changes``, ``command`` and ``tried``.
+        Reruns take place in ``processes``, as many as cores by default. Raises BadInput if the run cannot be repeated.
+        """
+        explanation: Explanation = self._shown().why(budget=budget, processes=processes)
+        return explanation
 
     def picture(self, path: str | PathLike[str], *, view: str | None = None, force: bool = False) -> Path:
         """Write a picture of the final scene, as PNG, and return its path; this repeats the run.

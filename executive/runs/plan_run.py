@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from executive.maps import SemanticMap, scene_of
+from executive.maps import scene_of
 from executive.maps.in_hand import in_hands
 from executive.maps.recognition_models import GivenPart, read_given_parts, with_given_parts
 from executive.modules.bundled import bundled_registry
 from executive.modules.platform import Platform
-from executive.options.running import RunSettings, header_entries
+from executive.options.running import RunSettings, header_entries, settings_from_header
 from executive.robots import FindingKind, Missing, Robot, bind_robot, missing_capabilities, trusting_map
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of, real_scene, take, world_at_start
@@ -31,6 +31,7 @@ from executive.runs.parameters import (
     things_of,
     unknown_things,
 )
+from executive.runs.plan_body import Subject, actions_before, allowance, body_of
 from executive.runs.plan_files import (
     Assessment,
     Requirements,
@@ -44,7 +45,7 @@ from executive.runs.plan_files import (
     without_module,
 )
 from executive.runs.prepared import Inputs, RunFiles, prepared, read_environment
-from executive.runs.remedies import able_robots, absent_things, call_of, call_to_pass_on, performing
+from executive.runs.remedies import able_robots, absent_things, call_of, call_to_ask_why, call_to_pass_on, performing
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256, versions
 from executive.runs.written import WatchedWorld, Written, bodies_of, still_held
 from planlang.designators import Action, local_name
@@ -57,43 +58,27 @@ from planlang.failures import (
     PlanFailure,
 )
 from planlang.kernel import RunError, SimulationHost
-from planlang.language.budgets import budget
 from planlang.language.loading import load_plan
 from planlang.language.performing import module_for
-from planlang.language.plan_text import Needs
 from planlang.language.plans import Plan
-from planlang.language.recovery import explain, without_recoveries
+from planlang.language.recovery import explain
 from planlang.language.replaying import Replay, replay
 from planlang.language.running import known as run_header
 from planlang.language.running import run
 from planlang.language.source import PlanSource
-from planlang.language.tidying import tidied
 from planlang.ontology import Ontology, load
-from planlang.records import dataclass
 from planlang.runs import Different, Past, RecordedRun, Repetition, Trace, restore
 from planlang.runs.codec import dump
+from planlang.runs.codec import load as load_exact
 from planlang.runs.repeating import RepeatedTrace
 from planlang.runs.trace import Earlier
 from planlang.state import Hold
 from planlang.words import Option, Text
-from sim import PyBulletWorld, Scene
+from sim import PyBulletWorld
 
 if TYPE_CHECKING:
     from planlang.compiler.compile import CompiledPlan
     from planlang.report import Context
-
-BUDGET, PER_STEP = 600.0, 60.0
-"""Plan time, beside waiting, after which a run is aborted: a constant, and more for each step of the plan [s]."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Subject:
-    """Subject of a plan: the map, its bodies, the parameters, and what the plan needs."""
-
-    map: SemanticMap
-    scene: Scene
-    bound: Mapping[str, Bound]
-    needs: Needs
 
 
 class Run:
@@ -135,6 +120,12 @@ class Run:
         """True for a plan that is not compiled for this run."""
         return isinstance(self.files.file, PlanSource)
 
+    @property
+    def task(self) -> str | None:
+        """The task as a call of the run states it; None if the file has only one."""
+        several = self._compiled is not None and len(self._compiled.recipes.recipes) > 1
+        return self.options.task if self._is_by_hand else local_name(self.plan.iri or "") if several else None
+
     def __enter__(self) -> Run:
         return self
 
@@ -155,11 +146,22 @@ class Run:
             self.found.append(warning("X022", "the plan differs from that of the trace", Span(recorded.name)))
         bound = recorded_parameters(recorded, plan_parameters(self.plan))
         try:
-            return replay(self._body(bound, bare=recorded.header.get("no_recoveries") is True), recorded)
+            first = load_exact(recorded.header.get("actions_before", []))
+            settings, seconds = settings_from_header(recorded.header), allowance(self.source, bound, first)
+            handling = {"bare": settings.get("no_recoveries", False), "attempts": settings.get("attempts", 0)}
+            return replay(body_of(self.plan, bound, seconds, first, **handling), recorded)
         except ValueError as problem:
             raise BadInput([error("X020", str(problem), Span(recorded.name, 1))]) from None
 
     # Executing
+
+    def beginning(self) -> tuple[Subject, Robot]:
+        """What the run begins with. Raises BadInput if that is not what its trace began with."""
+        subject, (robot, given) = self._subject(), self._bind_robot(self.found)
+        if self.files.recorded is not None:
+            first = actions_before(self.options.before or (), subject.map)
+            self.found += check_same_run(self.files.recorded, self._header(subject, robot, (), given, first))
+        return subject, robot
 
     def execute(self) -> RunResult:
         """Run the plan, or resume it. Failures of the plan are in the result; invalid input raises BadInput.
@@ -200,8 +202,11 @@ class Run:
         options.around(executive)
         take(platform, truth, held)
         platform.scene.collisions.prepare()
-        header = self._header(subject, platform, assessment, given)
-        body = self._body(subject.bound, bare=options.no_recoveries)
+        first = actions_before(options.before or (), subject.map)
+        seconds = allowance(self.source, subject.bound, first)
+        header = self._header(subject, robot, assessment.infeasible, given, first, platform.scene.world.scene.start)
+        handling = {"bare": options.no_recoveries, "attempts": options.attempts or 0}
+        body = body_of(self.plan, subject.bound, seconds, first, **handling)
         if earlier is not None:
             known = run_header(body, SimulationHost(truth), self.files.seed, options.schedule)
             notes = check_same_run(earlier.recorded, {**header, **known})
@@ -209,9 +214,9 @@ class Run:
             found += notes
         if isinstance(earlier, Past):
             self._restore(executive, earlier)
-        return self._execute(body, subject.bound, executive, truth, header, earlier)
+        return self._execute(body, subject.bound, executive, truth, header, earlier, seconds)
 
-    def _subject(self) -> _Subject:
+    def _subject(self) -> Subject:
         """Read the map and bind the parameters. Raises BadInput for an invalid map or parameter."""
         options, files, found = self.options, self.files, self.found
         if self._is_by_hand:
@@ -228,9 +233,9 @@ class Run:
         if has_errors(missing):
             raise BadInput(missing)
         found += missing
-        return _Subject(semantic_map, scene, bound, self.source.needs(self._module, self.plan))
+        return Subject(semantic_map, scene, bound, self.source.needs(self._module, self.plan))
 
-    def _assessment(self, subject: _Subject, robot: Robot | None = None) -> Assessment:
+    def _assessment(self, subject: Subject, robot: Robot | None = None) -> Assessment:
         """Assess what the process modules lack for the plan, and the robot if given."""
         # a resumed run has the modules of its trace, which are compared later
         performed = self.registry.actions if self.files.recorded is None else None
@@ -265,7 +270,7 @@ class Run:
         return [note("X013", f"{robot.name} has no camera to look for things", help=advice)]
 
     def _assemble(
-        self, subject: _Subject, robot: Robot, given: tuple[GivenPart, ...] | None, held: Mapping[str, Hold]
+        self, subject: Subject, robot: Robot, given: tuple[GivenPart, ...] | None, held: Mapping[str, Hold]
     ) -> tuple[Platform, PyBulletWorld]:
         """Make the platform of the robot, with its belief, and the true world, which closes with the run."""
         options = self.options
@@ -284,20 +289,28 @@ class Run:
             trusts_map=options.trust_map,
             unknown=unknown_things(subject.map, options.unknown or ()),
             models=None if given is None else [cls for one in given for cls in one.recognises],
+            arm=options.arm,
+            grasp=options.grasp,
         )
         platform.upload = options.upload
         return platform, truth
 
     def _header(
-        self, subject: _Subject, platform: Platform, assessment: Assessment, given: tuple[GivenPart, ...] | None
+        self,
+        subject: Subject,
+        robot: Robot,
+        alternatives: Sequence[tuple[Any, object]],
+        given: tuple[GivenPart, ...] | None,
+        first: Sequence[Action],
+        start: Sequence[float] = (),
     ) -> dict[str, Any]:
         """Header of the trace, beside seed and schedule: all that equal traces have in common."""
-        options, robot = self.options, platform.robot
+        options = self.options
         assert self.files.robot is not None
         header: dict[str, Any] = {
             "plan_sha256": self.source.sha256,
             "parameters": {name: dump(what) for name, what in subject.bound.items()},
-            "start": [float(number) for number in platform.scene.world.scene.start],
+            **({"start": [float(number) for number in start]} if start else {}),
             "robot": robot.name,
             "robot_sha256": sha256(self.files.robot),
             "urdf_sha256": sha256(robot.urdf),
@@ -307,12 +320,13 @@ class Run:
         }
         models = None if given is None else [one.iri for one in given]
         settings = header_entries(options, models=models, modules=self.registry.identity or None)
-        infeasible = [alternative.name for alternative, _ in assessment.infeasible]
+        infeasible = [alternative.name for alternative, _ in alternatives]
         # a resumed run makes the changes by itself
-        also = {"infeasible": infeasible, "applied": [one.as_json() for one in self.files.changes]}
+        applied, acts = [one.as_json() for one in self.files.changes], dump(list(first)) if first else None
+        also = {"infeasible": infeasible, "applied": applied, "actions_before": acts}
         return header | settings | {key: value for key, value in also.items() if value}
 
-    def _check_things(self, subject: _Subject, executive: RobotExecutive) -> None:
+    def _check_things(self, subject: Subject, executive: RobotExecutive) -> None:
         """Raise BadInput for parameters without a thing, now or later, and for ambiguous ones.
 
         Parameters that only replaced recipes read need no thing.
@@ -349,22 +363,6 @@ class Run:
         seed = self.files.seed
         return RunResult(Outcome.LACKS_CAPABILITY, message, (), tuple(self.found), failure=failure, seed=seed)
 
-    def _body(self, bound: Mapping[str, Bound], *, bare: bool) -> Callable[[], Awaitable[Any]]:
-        """The plan with its parameters and budget, for execution and replay; if ``bare``, without its recoveries."""
-
-        async def body() -> Any:
-            with without_recoveries() if bare else nullcontext():
-                return await tidied(partial(budget, partial(self.plan, **bound), seconds=self._allowance(bound)))
-
-        body.__name__ = self.plan.name
-        vars(body)["iri"] = self.plan.iri
-        return body
-
-    def _allowance(self, bound: Mapping[str, Bound]) -> float:
-        """Plan time after which the run is aborted [s]; stated waiting times extend it."""
-        stated = sum(value for value in bound.values() if isinstance(value, float))
-        return BUDGET + PER_STEP * len(self.source.actions) + self.source.waiting + stated
-
     def _restore(self, executive: RobotExecutive, past: Past) -> None:
         """Restore the belief of a run whose world is as the trace left it."""
         try:
@@ -381,6 +379,7 @@ class Run:
         truth: PyBulletWorld,
         header: Mapping[str, object],
         earlier: Past | Repetition | None,
+        seconds: float,
     ) -> RunResult:
         options = self.options
         tilts = Tilts(executive.platform.leaning)
@@ -402,7 +401,7 @@ class Run:
                 seed=self.files.seed,
                 schedule=options.schedule,
                 trace=trace,
-                max_steps=self._most_steps(bound, truth.rate),
+                max_steps=self._most_steps(seconds, truth.rate),
                 resumable=True,
                 resume=earlier if isinstance(earlier, Past) else None,
             )
@@ -460,15 +459,15 @@ class Run:
         written.ask(self.plan.name, bound, header, self.found, context)
         return written
 
-    def _most_steps(self, bound: Mapping[str, Bound], rate: int) -> int:
+    def _most_steps(self, seconds: float, rate: int) -> int:
         """Maximum number of world steps; a repeated run ends with its trace."""
         if self.options.repeated is not None:
             return self.options.repeated.last + 1
-        return int(2 * self._allowance(bound) * rate)
+        return int(2 * seconds * rate)
 
     def _page_context(
         self,
-        subject: _Subject,
+        subject: Subject,
         notes: Sequence[Diagnostic],
         advice: Sequence[Diagnostic],
         missing: Sequence[Missing],
@@ -478,14 +477,13 @@ class Run:
         """Context of a page; ``notes`` are those that a repeated run has, too."""
         options, file = self.options, self.files.file
         bindings = stated_bindings(self.plan, subject.bound, subject.map)
-        several = self._compiled is not None and len(self._compiled.recipes.recipes) > 1
-        task = options.task if self._is_by_hand else local_name(self.plan.iri or "") if several else None
         start = tuple(header["start"])
-        command = Text(call_to_pass_on(self.files, task=task, start=start, set=bindings, force=bool(missing)))
+        command = Text(call_to_pass_on(self.files, task=self.task, start=start, set=bindings, force=bool(missing)))
+        why = Text(call_to_ask_why(self.files))
         recipe = file if isinstance(file, RecipeFile) else None
         return replace(
             context_of(self.source, self._compiled, recipe, self.registry.actions, options.folders),
-            facts={**({"world": "repeated"} if options.repeated is not None else {}), "command": command},
+            facts={**({"world": "repeated"} if options.repeated is not None else {}), "command": command, "why": why},
             notes=[one for one in notes if one not in self.files.notes],
             remedies={"Camera": Text(advice[0].message, "; ", advice[0].help or "")} if advice else {},
         )

@@ -6,7 +6,7 @@ import ctypes
 import json
 import os
 import sys
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
@@ -14,7 +14,7 @@ from typing import Any, ParamSpec, TypeVar
 from executive.maps import SemanticMap, read_map
 from executive.maps.changed import changed_map
 from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
-from executive.options.declaring import check_written, names, planar
+from executive.options.declaring import check_written, declared, names
 from executive.options.running import RunSettings
 from executive.runs.files import (
     RecipeFile,
@@ -29,7 +29,7 @@ from executive.runs.files import (
 )
 from executive.runs.options import RunOptions
 from executive.runs.traces import TraceHeader, header_to_repeat, read_trace
-from planlang.advice import Change, changes_in
+from planlang.advice import BEFORE, Change, changes_in
 from planlang.diagnostics import BadInput, Diagnostic, Span, WrongOption, error
 from planlang.extras import no_recorder
 from planlang.files import Bundled, decode, read_file
@@ -93,6 +93,9 @@ def prepared(options: RunOptions) -> RunFiles:
         header = header_to_repeat(recorded)
     elif options.resume is not None:
         recorded, header = read_trace(options.resume)
+    changes = header.changes if options.apply is None else _changes(options.apply)
+    changes = options.changes or changes
+    options = _with_options(options, changes)
     file = read(options.recipe if options.recipe is not None else header.plan(_trace_of(options)))
     is_bundled = isinstance(file, RecipeFile) and file.is_bundled
     problems: list[Diagnostic] = []
@@ -121,13 +124,11 @@ def prepared(options: RunOptions) -> RunFiles:
         problems += _check_outputs(options, inputs)
     refuse(problems)
     accepted(options.accept)
-    changes = header.changes if options.apply is None else _changes(options.apply)
-    start = next((planar(one.value) for one in changes if one.what == "start"), None)
     options = replace(
         options,
         **{name: getattr(options, name) or value for name, value in header.settings.items()},
         task=options.task or header.task,
-        start=start or options.start or header.start,
+        start=options.start or header.start,
         schedule=header.schedule if options.schedule is None else options.schedule,
         trace=options.trace or (options.resume if options.repeated is None else None),
         models=options.models or None,
@@ -143,6 +144,18 @@ def prepared(options: RunOptions) -> RunFiles:
         notes=tuple(notes),
         changes=tuple(one for one in changes if one.thing is not None),
     )
+
+
+def _with_options(options: RunOptions, changes: Iterable[Change]) -> RunOptions:
+    """Set the options that changes state, whatever they were. Raises BadInput for an invalid value."""
+    stated = {one.what: one.value for one in changes if one.thing is None}
+    act = stated.pop(BEFORE, None)
+    acts = {} if act is None else {BEFORE: [*(options.before or ()), str(act)]}
+    try:
+        values = {name: declared(RunSettings)[name].value(value) for name, value in stated.items()}
+        return replace(options, **values, **acts)
+    except ValueError as problem:
+        raise BadInput([error("C025", f"a change cannot be made: {problem}")]) from None
 
 
 def _changes(file: Path) -> tuple[Change, ...]:

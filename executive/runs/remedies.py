@@ -10,8 +10,8 @@ from typing import Any
 from executive.maps import MapObject, SemanticMap
 from executive.maps.classes import is_kind
 from executive.maps.environments import environments_for
-from executive.options.declaring import stated
-from executive.options.running import RunSettings
+from executive.options.declaring import declared, stated
+from executive.options.running import RunSettings, SituationSettings
 from executive.robots import FindingKind, Missing, Robot, bind_robot
 from executive.runs.parameters import Bound, PlanParameter, things_of
 from executive.runs.prepared import RunFiles
@@ -75,6 +75,14 @@ def call_to_pass_on(files: RunFiles, **instead: Any) -> Call:
     told = (one for one in call.options if one.name not in ("urdf", "ontologies", "accept"))
     options = tuple(Option(one.name, _last(one.value)) for one in told)
     return Call(call.command, tuple(map(_last, call.arguments)), options)
+
+
+def call_to_ask_why(files: RunFiles) -> Call:
+    """The call that asks why a run failed, for others: the trace has the rest."""
+    call = call_to_pass_on(files, apply=None, start=None, schedule=None, set=None)
+    trace = Blank("TRACE") if files.options.trace is None else Path(files.options.trace.name)
+    names = (*declared(SituationSettings),)
+    return Call("why", (trace, *call.arguments), tuple(one for one in call.options if one.name in names))
 
 
 def _last(value: object) -> object:

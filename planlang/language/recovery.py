@@ -158,6 +158,20 @@ def without_recoveries() -> Iterator[None]:
         _are_on.reset(token)
 
 
+_further: ContextVar[int] = ContextVar("further retries", default=0)
+"""How many times more each recovery may try than it states."""
+
+
+@contextmanager
+def trying_more(retries: int) -> Iterator[None]:
+    """Let each recovery inside try so many times more than it states."""
+    token = _further.set(retries)
+    try:
+        yield
+    finally:
+        _further.reset(token)
+
+
 def recoveries_are_on() -> bool:
     """Check whether recoveries handle failures here."""
     return _are_on.get()
@@ -289,7 +303,8 @@ async def _recover(failure: PlanFailure, entries: list[_Entry], keywords: dict[s
         raise failure
     entry = entries[number]
     recovery = entry.recovery
-    values = entry.next_values() if entry.used < recovery.retries and not entry.late else None
+    most = recovery.retries + _further.get()
+    values = entry.next_values() if entry.used < most and not entry.late else None
     if values is None:
         record("recovery", recovery=number, decision="used up", used=entry.used, failure=failure)
         return _otherwise(recovery.otherwise, failure)

@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
-from executive.locations.changes import CLOSE, Changes, leaf_moved
+from executive.locations.changes import CLOSE, Changes
 from executive.locations.explanations import height_of
 from executive.locations.hand_solutions import base_matrices
 from executive.locations.rejections import COLLISION, NO_ROOM, NO_WAY, OUT_OF_REACH, Reason, Rejections, first_body
 from executive.locations.standing import Standing
+from executive.maps.single_changes import leaf_moved
 from executive.modules.furniture.leaf_grips import LAGS, Grips, grips_of, on_side_of_handle, shut_out, within_reach
 from executive.motion import Chain, cartesian_path
 from executive.robots.arms import ArmModel
