@@ -33,7 +33,7 @@ def page(model: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) -> 
     It contains three.js only if the model has a scene. Equal models give equal texts.
     """
     template, style, script = _sources()
-    hashes, data = [_hash(script)], ""
+    hashes, data = [hash_of(script)], ""
     if model.get("scene"):
         packed, three = _three()
         hashes.append(three)
@@ -41,7 +41,7 @@ def page(model: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) -> 
     for name, blob in (blobs or {}).items():
         data += _blob(name, blob)
     policy = (
-        f"default-src 'none'; script-src {' '.join(hashes)}; style-src {_hash(style)}; base-uri 'none'; "
+        f"default-src 'none'; script-src {' '.join(hashes)}; style-src {hash_of(style)}; base-uri 'none'; "
         f"form-action 'none'{SERVED if model.get('live') else ''}"
     )
     parts = {
@@ -51,6 +51,11 @@ def page(model: Mapping[str, Any], blobs: Mapping[str, bytes] | None = None) -> 
         "data": data,
         "script": script,
     }
+    return filled(template, parts)
+
+
+def filled(template: str, parts: Mapping[str, str]) -> str:
+    """Put parts into a template, each in place of its name in double braces; they may have braces themselves."""
     before, *rest = template.split("{{")
     texts = [before]
     for part in rest:
@@ -71,7 +76,8 @@ def _blob(name: str, data: bytes) -> str:
     return f'<script type="application/octet-stream" id="blob-{name}">{text}</script>\n'
 
 
-def _hash(text: str) -> str:
+def hash_of(text: str) -> str:
+    """Source of a script or style in a content security policy."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode('ascii')}'"
 
 
@@ -87,4 +93,4 @@ def _sources() -> tuple[str, str, str]:
 def _three() -> tuple[bytes, str]:
     """Compressed three.js, and the hash of the uncompressed script."""
     packed = THREE.read_bytes()
-    return packed, _hash(gzip.decompress(packed).decode("utf-8"))
+    return packed, hash_of(gzip.decompress(packed).decode("utf-8"))

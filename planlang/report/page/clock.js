@@ -84,6 +84,19 @@ byId("play").addEventListener("click", () => (clock.playing ? clock.pause() : cl
 byId("speed").addEventListener("change", (event) => { clock.speed = Number(event.target.value); });
 addEventListener("hashchange", () => clock.recall());
 
+// In a page of two runs on one clock (both.js): tells that page the time, and takes over the time of the other run.
+if (parent !== window) {
+  let isTold = false;
+  addEventListener("message", (event) => {
+    if (event.source !== parent || !Number.isFinite(event.data?.time)) return;
+    isTold = true;
+    clock.pause();
+    clock.seek(event.data.time, { quiet: true });
+    isTold = false;
+  });
+  clock.onTime((time) => { if (!isTold) parent.postMessage({ time }, "*"); });
+}
+
 // Moments to step through: begins and ends of shown steps, and events.
 let moments = [];
 function findMoments() {

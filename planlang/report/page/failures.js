@@ -16,7 +16,9 @@ function card(one, isFirst) {
         ...(one.tried.length ? [el("h3", {}, "What was tried"), el("ul", { class: "events" },
           ...one.tried.map(([time, id, text]) => el("li", {}, moment(time, id), el("span", {}, text))))] : [])),
       el("div", {}, el("p", {}, el("button", { type: "button", class: "show", onclick: (event) => show(one, event.target) },
-        "Show the moment")), ...excerptsOf(node, failure)));
+        "Show the moment"), one.recovered || !model.facts.why ? "" : el("button", { type: "button", class: "show",
+        title: model.facts.why, onclick: (event) => copyWhy(event.target) }, "Copy the command that finds what helps")),
+      ...excerptsOf(node, failure)));
   };
   whole.addEventListener("toggle", fill);
   if (isFirst) fill();
@@ -32,6 +34,13 @@ function show(one, button) {
   button.textContent = `Shown: ${seconds(clock.time)}`;
   setTimeout(() => { button.textContent = "Show the moment"; }, 1500);
   document.querySelector(".panels").scrollIntoView({ block: "nearest" });
+}
+
+async function copyWhy(button) {
+  const label = button.textContent;
+  try { await navigator.clipboard.writeText(model.facts.why); button.textContent = "Copied"; }
+  catch { button.textContent = model.facts.why; return; }  // some browsers forbid it for local files
+  setTimeout(() => { button.textContent = label; }, 1500);
 }
 
 const sentence = (text) => `${text[0]?.toUpperCase() ?? ""}${text.slice(1)}${/[.!?]$/.test(text) ? "" : "."}`;

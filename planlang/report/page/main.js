@@ -49,7 +49,8 @@ function head() {
   byId("title").textContent = model.title;
   byId("outcome").textContent = model.outcome.text;
   byId("outcome").className = `badge ${model.outcome.status}`;
-  byId("facts").replaceChildren(...Object.entries(model.facts).map(([key, value]) => el("div", { class: key === "command" ? key : false }, el("dt", {}, key), el("dd", {}, String(value)))));
+  const facts = Object.entries(model.facts).filter(([key]) => key !== "why");  // a button of the failure has it
+  byId("facts").replaceChildren(...facts.map(([key, value]) => el("div", { class: key === "command" ? key : false }, el("dt", {}, key), el("dd", {}, String(value)))));
 }
 
 function tellMissing(...more) {
