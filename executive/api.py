@@ -1,4 +1,4 @@
-"""What planlang does, as functions of options: run, locate, sweep, compare, check, compile.
+"""What planlang does, as functions of options: run, locate, sweep, compare, check, compile, and why a run failed.
 
 Options are dataclasses whose fields are declared once (:mod:`executive.options`). Two faces are made from these
 functions: the command line (``executive.cli``), and the functions of ``planlang`` with keyword arguments
@@ -13,9 +13,10 @@ if TYPE_CHECKING:
     from executive.commands.check import check
     from executive.commands.compare import compared as compare
     from executive.commands.compile import compiled as compile
+    from executive.commands.run import run
     from executive.commands.sweep import swept as sweep
     from executive.runs.locating import locate
-    from executive.runs.plan_run import run_plan_file as run
+    from executive.why.explaining import why
 else:  # with a __getattr__ in its sight, mypy would accept any name
     from pkgutil import resolve_name
 
@@ -24,8 +25,9 @@ else:  # with a __getattr__ in its sight, mypy would accept any name
         "compare": "executive.commands.compare:compared",
         "compile": "executive.commands.compile:compiled",
         "locate": "executive.runs.locating:locate",
-        "run": "executive.runs.plan_run:run_plan_file",
+        "run": "executive.commands.run:run",
         "sweep": "executive.commands.sweep:swept",
+        "why": "executive.why.explaining:why",
     }
 
     def __getattr__(name: str) -> object:
@@ -34,4 +36,4 @@ else:  # with a __getattr__ in its sight, mypy would accept any name
         return resolve_name(_FUNCTIONS[name])  # late, as said above
 
 
-__all__ = ["check", "compare", "compile", "locate", "run", "sweep"]
+__all__ = ["check", "compare", "compile", "locate", "run", "sweep", "why"]

@@ -17,7 +17,7 @@ from executive.cli.command_lines import Commands, command_of, explain, guessed_v
 from executive.cli.console import Answer, ExitCode, answer, give, say, usage
 from planlang.machine import check_memory
 
-_RUNNING = ("run", "sweep", "compare", "replay", "report", "locate", "enable", "show")
+_RUNNING = ("run", "sweep", "compare", "replay", "report", "why", "locate", "enable", "show")
 """Commands that build the simulated world."""
 
 
@@ -70,6 +70,7 @@ _COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("enable", RUNS, "serve_a_drink --robot amigo --from http://localhost:8080 --run"),
     ("replay", RUNS, "run.jsonl"),
     ("report", RUNS, "run.jsonl --output run.html"),
+    ("why", RUNS, "run.jsonl --budget 20 --report why.html"),
     ("export", RUNS, "run.jsonl --to neem -o experience"),
     (
         "locate",

@@ -29,6 +29,7 @@ from executive.options.running import (
     TaskOptions,
     Trust,
     Urdf,
+    WhyOptions,
 )
 from planlang.diagnostics import WrongOption
 from planlang.records import dataclass
@@ -157,6 +158,15 @@ class ReportArguments(SituationSettings, Arguments):
         argument(metavar="RECIPE|PLAN", help="The recipe or plan that was run; needed unless it is bundled."),
     ] = None
     output: Annotated[Path | None, output("Write the page to this file; default: TRACE.html.")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class WhyArguments(WhyOptions, Arguments):
+    """Find the smallest change after which a failed run reaches its goal, by running the plan again with changes.
+
+    Tries what the failure advises, then single changes of the run, the map and the robot, then pairs, cheapest first.
+    Name plan, robot and environment unless they are bundled. Exit code 1: no change was found that helps.
+    """
 
 
 @dataclass(frozen=True, kw_only=True)

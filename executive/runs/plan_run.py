@@ -205,8 +205,8 @@ class Run:
         first = actions_before(options.before or (), subject.map)
         seconds = allowance(self.source, subject.bound, first)
         header = self._header(subject, robot, assessment.infeasible, given, first, platform.scene.world.scene.start)
-        handling = {"bare": options.no_recoveries, "attempts": options.attempts or 0}
-        body = body_of(self.plan, subject.bound, seconds, first, **handling)
+        bare, attempts = options.no_recoveries, options.attempts or 0
+        body = body_of(self.plan, subject.bound, seconds, first, bare=bare, attempts=attempts)
         if earlier is not None:
             known = run_header(body, SimulationHost(truth), self.files.seed, options.schedule)
             notes = check_same_run(earlier.recorded, {**header, **known})

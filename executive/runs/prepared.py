@@ -150,10 +150,10 @@ def _with_options(options: RunOptions, changes: Iterable[Change]) -> RunOptions:
     """Set the options that changes state, whatever they were. Raises BadInput for an invalid value."""
     stated = {one.what: one.value for one in changes if one.thing is None}
     act = stated.pop(BEFORE, None)
-    acts = {} if act is None else {BEFORE: [*(options.before or ()), str(act)]}
     try:
-        values = {name: declared(RunSettings)[name].value(value) for name, value in stated.items()}
-        return replace(options, **values, **acts)
+        values: dict[str, Any] = {name: declared(RunSettings)[name].value(value) for name, value in stated.items()}
+        values |= {} if act is None else {BEFORE: [*(options.before or ()), str(act)]}
+        return replace(options, **values)
     except ValueError as problem:
         raise BadInput([error("C025", f"a change cannot be made: {problem}")]) from None
 

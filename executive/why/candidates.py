@@ -1,0 +1,242 @@
+"""Candidates: the single changes after which a failed run may reach its goal, cheapest first.
+
+docs/guides/why.md lists them. Where several are equally small, those of things that the failure names come first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import field, replace
+from functools import cached_property
+
+from executive.maps.scene import FLOOR, Standing
+from executive.maps.single_changes import leaf_moved, option_set, things_away, things_moved
+from executive.why.costs import cost_of
+from executive.why.evidence import Evidence
+from executive.why.free_places import is_free
+from planlang.advice import ARM, ATTEMPTS, BEFORE, GRASP, ROBOT, SCHEDULE, Change
+from planlang.designators import GRASPS
+from planlang.geometry import Pose
+from planlang.records import dataclass
+from sim import Scene
+from sim.joints import Articulation
+from sim.scene import BodyShape
+
+STEPS, RISES = (0.05, 0.1, 0.2, 0.4), (0.05, 0.2)
+"""Distances by which a thing is moved, to each of four sides, and up and down [m]."""
+ORDERS = (1, 2, 3)
+"""Schedules in which steps whose order is open are run."""
+MOST_NAMED = 4
+"""Number of things that a failure names and that are moved."""
+MOST_SINGLE = 80
+"""Number of single changes."""
+OPENING, CLOSING = "OpeningAContainerArtifact", "ClosingAContainerArtifact"
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """What a failed run began with."""
+
+    scene: Scene
+    """As the map has it, with the doors as they are at the start."""
+    needed: frozenset[str]
+    """Things of the plan, which are never taken away."""
+    robot: str
+    arms: tuple[str, ...]
+    robots: tuple[str, ...]
+    """Bundled robots."""
+    evidence: Evidence
+    in_use: frozenset[str] = frozenset()
+    """Options of the run that are set already: they are not chosen anew."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """Changes that are tried together, and how small they are."""
+
+    changes: tuple[Change, ...]
+    kind: str
+    """What is changed, for counts: "advice", "arm", "thing moved", ..."""
+    cost: float
+    parts: tuple[str, ...] = field(default=())
+    """Kinds of the single changes of a pair."""
+
+
+def advised(situation: Situation) -> list[Candidate]:
+    """List what failures and searches advised, that of the last failure first."""
+    names = {body.name for body in situation.scene.bodies}
+    known = (
+        changes
+        for changes in situation.evidence.advised
+        if all(one.thing is None or one.thing in names for one in changes)
+    )
+    return [Candidate(changes, "advice", cost_of(changes, situation.scene)) for changes in known]
+
+
+def singles(situation: Situation) -> list[Candidate]:
+    """List the single changes, cheapest first, at most :data:`MOST_SINGLE`; those of named things before others."""
+    found: dict[frozenset[Change], tuple[float, int, Candidate]] = {}
+    for rank, kind, changes in _Generator(situation).all():
+        candidate = Candidate(changes, kind, cost_of(changes, situation.scene))
+        found.setdefault(frozenset(changes), (round(candidate.cost, 6), rank, candidate))
+    ordered = sorted(found.values(), key=lambda one: one[:2])
+    return [candidate for _, _, candidate in ordered][:MOST_SINGLE]
+
+
+def pair(one: Candidate, other: Candidate) -> Candidate:
+    """Join two candidates."""
+    parts = (*(one.parts or (one.kind,)), *(other.parts or (other.kind,)))
+    return Candidate((*one.changes, *other.changes), "pair", one.cost + other.cost, parts)
+
+
+def can_be_joined(one: Candidate, other: Candidate) -> bool:
+    """Check whether no change of one says something else of what a change of the other is about."""
+    about = {(change.thing, None if change.thing else change.what) for change in one.changes}
+    return not any((change.thing, None if change.thing else change.what) in about for change in other.changes)
+
+
+class _Generator:
+    """Makes the changes of the list, each with a rank: the lower, the closer to the failure."""
+
+    def __init__(self, situation: Situation) -> None:
+        self._situation, self._scene = situation, situation.scene
+        self._bodies = {body.name: body for body in self._scene.bodies}
+        self._standing = Standing(self._scene)
+        self._leaves = {name: joint for joint in self._scene.joints for name in joint.bodies}
+
+    def all(self) -> Iterator[tuple[int, str, tuple[Change, ...]]]:
+        """Yield rank, kind and changes, those of equal rank in order."""
+        yield from self._choices()
+        yield from self._steps()
+        for rank, name in enumerate(self._moved):
+            kind = "thing moved" if self._bodies[name].movable else "furniture moved"
+            yield from ((rank, kind, changes) for changes in self._moves(name))
+        yield from self._doors()
+        yield from self._away()
+        yield from (
+            (0, "robot", option_set(ROBOT, name)) for name in self._situation.robots if name != self._situation.robot
+        )
+
+    def _choices(self) -> Iterator[tuple[int, str, tuple[Change, ...]]]:
+        situation = self._situation
+        if ARM not in situation.in_use and len(situation.arms) > 1:
+            yield from ((0, ARM, option_set(ARM, name)) for name in situation.arms)
+        if GRASP not in situation.in_use:
+            yield from ((1, GRASP, option_set(GRASP, name)) for name in GRASPS)
+        if SCHEDULE not in situation.in_use and situation.evidence.is_concurrent:
+            yield from ((2, "order", option_set(SCHEDULE, number)) for number in ORDERS)
+
+    def _steps(self) -> Iterator[tuple[int, str, tuple[Change, ...]]]:
+        if ATTEMPTS not in self._situation.in_use:
+            yield 1, ATTEMPTS, option_set(ATTEMPTS, 1)
+        for rank, joint in self._related_joints():
+            act = OPENING if joint.is_shut(joint.first) else CLOSING
+            yield rank, BEFORE, option_set(BEFORE, f"{act} {joint.leaf}")
+
+    @cached_property
+    def named(self) -> list[str]:
+        """Bodies that the failure names, without rooms."""
+        names = [name for name, body in self._bodies.items() if body.shape is not BodyShape.ROOM]
+        return self._situation.evidence.named(names)
+
+    @cached_property
+    def _moved(self) -> list[str]:
+        """Bodies that are moved: those named, in order, then what they stand on; parts are moved with the whole."""
+        whole = list(dict.fromkeys(map(self._whole, self.named)))[:MOST_NAMED]
+        below = (self._standing.support(name) for name in whole)
+        supports = [name for name in below if name is not None and name != FLOOR]
+        found = dict.fromkeys((*whole, *map(self._whole, supports)))
+        return [name for name in found if self._bodies[name].shape is not BodyShape.ROOM]
+
+    def _whole(self, name: str) -> str:
+        """The furniture of which a leaf, or a part of one, belongs."""
+        joint = self._leaves.get(name)
+        return joint.holder if joint is not None and joint.holder in self._bodies else name
+
+    def _moves(self, name: str) -> Iterator[tuple[Change, ...]]:
+        body, along = self._bodies[name], self._along(name)
+        support = self._standing.support(name)
+        turn = self._bodies[support].pose if support in self._bodies else body.pose
+        ahead = turn.matrix()[:2, 0]
+        yaw = math.atan2(float(ahead[1]), float(ahead[0]))
+        ways = [(math.cos(yaw + k * math.pi / 2), math.sin(yaw + k * math.pi / 2), 0.0) for k in range(4)]
+        each = [(step, way) for step in STEPS for way in ways]
+        each += [(step, (0.0, 0.0, sign)) for step in RISES for sign in (1.0, -1.0)]
+        for step, way in each:
+            poses = {one: _displaced(self._bodies[one].pose, step, way) for one in (name, *along)}
+            if is_free(self._scene, poses, name, support):
+                yield things_moved(poses)
+
+    def _along(self, name: str) -> list[str]:
+        """What moves along with a body: its leaves and parts, and what stands on these or in it."""
+        found = [name]
+        for one in found:
+            parts = [part for joint in self._scene.joints if one in (joint.leaf, joint.holder) for part in joint.bodies]
+            on_it = [other for other, below in self._supports.items() if below == one or self._is_in(other, one)]
+            controls = [control.body for control in self._scene.controls if control.device == one]
+            found += [other for other in (*parts, *on_it, *controls) if other not in found and other in self._bodies]
+        return found[1:]
+
+    @cached_property
+    def _supports(self) -> dict[str, str | None]:
+        """What each movable body stands on."""
+        return {name: self._standing.support(name) for name, body in self._bodies.items() if body.movable}
+
+    def _is_in(self, name: str, other: str) -> bool:
+        """Check whether the centre of a body is inside the box of another."""
+        box = self._bodies[other]
+        if other == name or box.shape is not BodyShape.BOX:
+            return False
+        x, y, z = (box.pose.inverse() @ self._bodies[name].pose).position
+        return all(abs(at) <= extent / 2 for at, extent in zip((x, y, z), box.size, strict=True))
+
+    def _doors(self) -> Iterator[tuple[int, str, tuple[Change, ...]]]:
+        for rank, joint in self._related_joints():
+            is_shut = joint.is_shut(joint.first)
+            yield rank, "door", leaf_moved(joint, joint.upper if is_shut else 0.0)
+
+    def _related_joints(self) -> Iterator[tuple[int, Articulation]]:
+        """Yield the doors, drawers and lids; those that the failure names, or whose furniture it names, first."""
+        order = {name: rank for rank, name in enumerate(self.named)}
+        most = len(order)
+        for joint in self._scene.joints:
+            if not joint.is_knob:
+                names = (*joint.bodies, str(joint.holder), *joint.frame)
+                yield min(order.get(name, most) for name in names), joint
+
+    def _away(self) -> Iterator[tuple[int, str, tuple[Change, ...]]]:
+        """Yield what may be taken away: movable bodies, and furniture that is named; nothing that is needed."""
+        order = {name: rank for rank, name in enumerate(self.named)}
+        needed = self._needed()
+        for name, body in self._bodies.items():
+            if name in needed or body.shape in (BodyShape.ROOM, BodyShape.PERSON, BodyShape.MARKER):
+                continue
+            if (body.movable or name in order) and self._whole(name) == name:
+                gone = [name, *self._along(name)]
+                if not needed.intersection(gone):
+                    yield order.get(name, len(order)), "away", things_away(gone)
+
+    def _needed(self) -> set[str]:
+        """Things of the plan, and what they stand on or belong to."""
+        found, left = set[str](), list(self._situation.needed)
+        while left:
+            name = left.pop()
+            if name in self._bodies and name not in found:
+                found.add(name)
+                left += [str(self._standing.support(name)), self._whole(name)]
+        return found
+
+
+def _displaced(pose: Pose, step: float, way: Sequence[float]) -> Pose:
+    """Displace a pose; the numbers are those that a user would write."""
+    x, y, z = (round(at + step * part, 3) for at, part in zip(pose.position, way, strict=True))
+    return replace(pose, position=(x, y, z))
+
+
+def kinds_of(candidates: Collection[Candidate]) -> dict[str, int]:
+    """Count candidates by kind."""
+    counts: dict[str, int] = {}
+    for one in candidates:
+        counts[one.kind] = counts.get(one.kind, 0) + 1
+    return counts

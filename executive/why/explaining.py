@@ -1,0 +1,170 @@
+"""Explains a failed run by the smallest change that was found after which a rerun reaches the goal."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from executive.maps.scene import scene_of
+from executive.options.declaring import as_json, check_written, made, values_of
+from executive.options.running import RunSettings, SituationSettings, WhyOptions
+from executive.robots import Robot
+from executive.runs.explanation import Explanation
+from executive.runs.files import refuse
+from executive.runs.options import RunOptions
+from executive.runs.parameters import things_of
+from executive.runs.plan_body import Subject
+from executive.runs.plan_run import Run
+from executive.runs.prepared import RunFiles, prepared
+from executive.runs.remedies import call_of
+from executive.runs.traces import header_to_repeat, recorded_run
+from executive.sweeps import Row
+from executive.why.both_runs import write_both
+from executive.why.candidates import Candidate, Situation, kinds_of
+from executive.why.evidence import Evidence
+from executive.why.searching import Reruns, search
+from executive.why.wording import clause_of
+from planlang.advice import BEFORE, ROBOT
+from planlang.diagnostics import BadInput, Span, error
+from planlang.files import Bundled
+from planlang.language.source import PlanSource
+from planlang.outputs import write_text
+from planlang.runs import RecordedRun
+from planlang.words import COMMAND_LINE, Blank, Call, Text, calling, said
+
+Told = Callable[[str], object]
+
+
+def why(options: WhyOptions, *, told: Told = lambda line: None) -> Explanation:
+    """Find the smallest change after which the run of a trace reaches its goal, and write it to a file.
+
+    ``told`` gets a line for each rerun. Raises BadInput for a trace that is damaged, or of another version, plan, map
+    or robot than those that are there.
+    """
+    refuse(check_written(options, WhyOptions, {"the trace": options.trace}))
+    recorded = recorded_run(options.trace)
+    run_options = RunOptions(**values_of(options, SituationSettings), recipe=options.file)
+    applied = options.apply or options.trace.with_suffix(".apply.json")
+    more: dict[str, Any] = {"budget": options.budget, "processes": options.processes, "report": options.report}
+    return explained(recorded, run_options, applied=applied, told=told, **more)
+
+
+def explained(
+    recorded: RecordedRun,
+    options: RunOptions,
+    *,
+    applied: Path | None = None,
+    budget: int | None = None,
+    processes: int | None = None,
+    report: Path | None = None,
+    on: str = "local",
+    told: Told = lambda line: None,
+) -> Explanation:
+    """Explain a recorded run, as :func:`why` does; the changes are written to ``applied``, both runs to ``report``."""
+    header_to_repeat(recorded)  # raises for a trace of an older schema
+    if recorded.outcome == "succeeded":
+        return Explanation("", "this run reached its goal: nothing has to change")
+    if recorded.outcome != "failed":
+        advice = Text(calling("run", resume=Path(recorded.name)), " ends it")
+        raise BadInput([error("X021", "this run has not ended", Span(recorded.name), advice)])
+    evidence = Evidence.of(recorded)
+    files = prepared(replace(options.unseen(), repeated=recorded))
+    with Run(files) as run:
+        subject, robot = run.beginning()
+        files = replace(files, options=replace(files.options, task=run.task))
+        found = tuple(one for one in run.found if one.code == "X025")
+    situation = _situation(subject, robot, files, evidence)
+    files = _with_short_start(files)
+    first: Row = {"steps": _steps_of(recorded), "where": evidence.where}
+    reruns = Reruns(
+        _options(files),
+        first,
+        base=files.changes,
+        budget=budget or WhyOptions.budget,
+        processes=processes,
+        on=on,
+        told=lambda one, row, number: told(_line(one, row, number, situation)),
+    )
+    result = search(situation, reruns)
+    failure = evidence.sentence
+    tried = kinds_of([one.candidate for one in result.tried])
+    if result.found is None:
+        nothing = "no change was found after which the goal is reached"
+        return Explanation(failure, nothing, tried=tried, left=kinds_of(result.left), diagnostics=found)
+    changes = (*files.changes, *result.found.changes)
+    if applied is not None:
+        lines = ",\n ".join(json.dumps(one.as_json(), ensure_ascii=False) for one in changes)
+        write_text(applied, f"[{lines}]\n")
+    sentence = f"the goal is reached if {clause_of(result.found.changes, situation.scene)}"
+    command = Text(_command(files, result.found, applied))
+    if report is not None:
+        mended = made(RunSettings, reruns.options_of(result.found))
+        told_of_both = f"{failure}; {sentence}", said(command, COMMAND_LINE)
+        write_both(report, recorded, files.options.unseen(), RunOptions.of(mended, changes=changes), told_of_both)
+    return Explanation(
+        failure,
+        sentence,
+        changes,
+        result.found.cost,
+        command,
+        applied,
+        tried,
+        diagnostics=found,
+    )
+
+
+def _situation(subject: Subject, robot: Robot, files: RunFiles, evidence: Evidence) -> Situation:
+    scene = scene_of(subject.map)
+    known = {thing.iri: thing.name for thing in subject.map.objects}
+    needed = frozenset(
+        known[what.iri] for value in subject.bound.values() for what in things_of(value) if what.iri in known
+    )
+    options = files.options
+    in_use = frozenset(name for name in ("arm", "grasp", "schedule", "attempts") if getattr(options, name) is not None)
+    arms = tuple(arm.name for arm in robot.arms if arm.gripper is not None)
+    return Situation(scene, needed, robot.name, arms, tuple(Bundled.ROBOT.names()), evidence, in_use)
+
+
+def _with_short_start(files: RunFiles) -> RunFiles:
+    """State the start as a call on the command line does, so that its digits are those of the reruns."""
+    start = files.options.start
+    if start is None:
+        return files
+    x, y, yaw = (float(f"{number:g}") for number in start)
+    return replace(files, options=replace(files.options, start=(x, y, yaw)))
+
+
+def _options(files: RunFiles) -> dict[str, Any]:
+    """The options of the reruns, as JSON."""
+    file, recipe = files.file, files.options.recipe
+    plan = file.text if isinstance(file, PlanSource) and file.is_in_memory else recipe
+    plan = plan if isinstance(plan, str | os.PathLike) else file.path
+    maps = [os.fspath(one) for one in (files.environment, *files.additions) if one is not None]
+    options = replace(files.options.unseen(), apply=None, resume=None, seed=files.seed)
+    stated = as_json(options, RunSettings)
+    return {**stated, "recipe": os.fspath(plan), "robot": os.fspath(files.robot or ""), "environment": maps}
+
+
+def _command(files: RunFiles, found: Candidate, applied: Path | None) -> Call:
+    """The call that repeats the run: with an option if that is all, else with the file of the changes."""
+    options: dict[str, Any] = {one.what: one.value for one in found.changes if one.thing is None}
+    if BEFORE in options:
+        options[BEFORE] = [*(files.options.before or ()), options[BEFORE]]
+    away = {"start": None, "urdf": None} if ROBOT in options else {}
+    if files.changes or any(one.thing is not None for one in found.changes):
+        return call_of(files, apply=applied or Blank("FILE"), **away)
+    return call_of(files, **away, **options)
+
+
+def _steps_of(recorded: RecordedRun) -> int:
+    return sum(line.event == "completed" and "value" in line.record for line in recorded.lines)
+
+
+def _line(one: Candidate, row: Row, number: int, situation: Situation) -> str:
+    """Say how a rerun ended."""
+    ending = "done" if row["outcome"] == "done" else str(row.get("message", row["outcome"])).partition("\n")[0][:100]
+    return f"{number}: {clause_of(one.changes, situation.scene)}: {ending}"

@@ -1,0 +1,44 @@
+"""The job of a worker: the run again, with changes; and how far it got."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from executive.options.declaring import made
+from executive.options.running import RunSettings
+from executive.runs.options import RunOptions, RunResult
+from executive.runs.plan_run import run_plan_file
+from executive.runs.prepared import Inputs
+from executive.sweeps import Row
+from planlang.advice import Change
+from planlang.diagnostics import BadInput
+from planlang.words import COMMAND_LINE, said
+
+JOB = "executive.why.rerun:ended"
+REFUSED = "refused"
+"""Outcome of a run that cannot begin with its changes."""
+_INPUTS = Inputs()
+"""Inputs that all reruns of this process have in common."""
+
+
+def ended(world: Mapping[str, Any]) -> Row:
+    """Run a plan with changes; return the row: outcome, message, place of the failure, steps done, and its advice."""
+    changes = tuple(map(Change.of, world["changes"]))
+    options = RunOptions.of(made(RunSettings, world["options"]), changes=changes)
+    try:
+        result = run_plan_file(options, _INPUTS)
+    except BadInput as problem:  # another start in collision, or another robot without its geometry
+        return {"outcome": REFUSED, "message": str(problem.diagnostics[0].message)}
+    return {"outcome": result.outcome.value, "message": said(result.message, COMMAND_LINE)[:2000], **reached(result)}
+
+
+def reached(result: RunResult) -> dict[str, Any]:
+    """Say how far a run got: its plan time, completed steps, the place of its failure, and what that advises."""
+    failure = result.failure
+    return {
+        "duration": round(result.duration, 3),
+        "steps": sum(one.get("event") == "completed" and "value" in one for one in result.trace),
+        "where": None if failure is None else failure.where,
+        "advised": [] if failure is None else [one.as_json() for one in failure.changes],
+    }

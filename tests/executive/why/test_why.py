@@ -1,0 +1,173 @@
+"""``planlang why``: the smallest change after which a failed run reaches its goal, found by whole reruns.
+
+The plan of these tests does nothing but check its room, so that exactly one change mends it, and a run is short.
+"""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli_runs import invoke
+
+ROOM = """
+Prefix: : <http://example.org/room.owl#>
+Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
+Ontology: <http://example.org/room.owl>
+    Import: <http://knowrob.org/kb/knowrob.owl>
+
+Individual: table1
+    Types: knowrob:KitchenTable
+    Facts: knowrob:translation "2 0 0.37", knowrob:boundingBoxSize "0.6 1.2 0.74"
+Individual: can1
+    Types: knowrob:DrinkingCan
+    Facts: knowrob:translation "1.85 0 0.805", knowrob:boundingBoxSize "0.066 0.066 0.13"
+Individual: box1
+    Types: knowrob:Box-Container
+    Facts: knowrob:translation "1.85 0.3 0.79", knowrob:boundingBoxSize "0.1 0.1 0.1"
+Individual: cabinet1
+    Types: knowrob:Cabinet-PieceOfFurniture
+    Facts: knowrob:translation "0 3 0.5", knowrob:boundingBoxSize "0.5 0.6 1.0", knowrob:properPhysicalParts door1
+Individual: door1
+    Types: knowrob:Door
+    Facts: knowrob:translation "0.26 3 0.5", knowrob:boundingBoxSize "0.02 0.6 1.0", knowrob:hingedTo cabinet1
+"""
+PLAN = """
+from planlang import action, an_object, perform, plan
+
+CAN = an_object("DrinkingCan", "http://example.org/room.owl#can1")
+
+
+@plan
+async def check_the_room():
+    await perform(action("CheckingTheRoom", object_acted_on=CAN))
+"""
+MODULE = """
+from planlang import process_module
+from planlang.failures import ObjectUnreachable
+
+
+@process_module
+class Checking:
+    name = "checking"
+    actions = ("CheckingTheRoom",)
+    failures = (ObjectUnreachable,)
+
+    def __init__(self, platform):
+        self.belief = platform.belief
+
+    def resources(self, action):
+        return ()
+
+    async def execute(self, action):
+        belief = self.belief
+        if not (CONDITION):
+            raise ObjectUnreachable("can1 cannot be reached beside door1", what="can1")
+"""
+
+
+@pytest.fixture
+def room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "room.omn").write_text(ROOM, encoding="utf-8")
+    (tmp_path / "check.py").write_text(PLAN, encoding="utf-8")
+    return tmp_path
+
+
+WORDS = ("check.py", "--robot", "amigo", "--environment", "room.omn", "--modules", "check_module.py")
+
+
+def failed_unless(condition: str) -> None:
+    """Run the plan in a room that does not meet a condition."""
+    Path("check_module.py").write_text(MODULE.replace("CONDITION", condition), encoding="utf-8")
+    assert invoke("run", *WORDS, "--trace", "run.jsonl").exit_code == 1
+
+
+def why(*words: str) -> dict[str, Any]:
+    """Return the answer of the command, as JSON."""
+    found = invoke("why", "run.jsonl", *WORDS, "--json", *words)
+    answer: dict[str, Any] = json.loads(found.stdout)
+    return answer | {"code": found.exit_code}
+
+
+def test_a_thing_that_has_to_stand_further_away_is_found_and_the_command_reaches_the_goal(
+    room: Path,
+) -> None:
+    failed_unless('belief.pose("can1").position[1] <= -0.09')
+    answer = why("--processes", "1")
+    assert answer["sentence"] == "the goal is reached if can1 is moved 0.10 m, to x = 1.85, y = -0.10, z = 0.81"
+    assert answer["changes"] == [{"thing": "can1", "property": "translation", "value": [1.85, -0.1, 0.805]}]
+    assert answer["cost"] == 4.0
+    assert json.loads((room / "run.apply.json").read_text()) == answer["changes"]
+    again = invoke(*shlex.split(answer["command"])[1:])
+    assert again.exit_code == 0, again.output
+
+
+def test_the_other_arm_is_found_and_stated_as_an_option_of_the_command(room: Path) -> None:
+    failed_unless('"right" in belief.memory.given_up')
+    answer = why("--processes", "1")
+    assert answer["sentence"] == "the goal is reached if the robot grasps with its left arm first"
+    assert "--arm left" in answer["command"]
+    assert "--apply" not in answer["command"]
+    assert invoke(*shlex.split(answer["command"])[1:]).exit_code == 0
+
+
+def test_an_open_door_is_found_whatever_the_number_of_processes(room: Path) -> None:
+    failed_unless('belief.joint("door1") > 1.0')
+    answers = [why("--processes", number) for number in ("1", "2")]
+    assert answers[0] == answers[1]
+    assert answers[0]["sentence"] == "the goal is reached if door1 is open by 90 degrees from the start"
+    applied = invoke("run", *WORDS, "--apply", "run.apply.json")
+    assert applied.exit_code == 0, applied.output
+
+
+def test_what_only_two_changes_mend_is_found_with_both(room: Path) -> None:
+    failed_unless('belief.memory.grasp == "top" and belief.joint("door1") > 1.0')
+    answer = why("--budget", "400")
+    assert answer["code"] == 0
+    assert answer["sentence"].endswith("the robot grasps things from above first")
+    assert "door1 is open by 90 degrees from the start, and " in answer["sentence"]
+    assert answer["tried"]["pair"] >= 1
+
+
+def test_where_nothing_helps_it_is_said_what_was_tried_and_what_was_not(room: Path) -> None:
+    failed_unless("False")
+    found = invoke("why", "run.jsonl", *WORDS, "--budget", "6", "--quiet")
+    assert found.exit_code == 1
+    assert "no change was found after which the goal is reached" in found.stdout
+    assert "6 reruns: 2 arms, 3 classes of grasps, 1 further attempt" in found.stdout
+    assert "not tried: " in found.stdout
+    assert not (room / "run.apply.json").exists()
+
+
+def test_a_run_that_reached_its_goal_needs_no_change(room: Path) -> None:
+    Path("check_module.py").write_text(MODULE.replace("CONDITION", "True"), encoding="utf-8")
+    assert invoke("run", *WORDS, "--trace", "run.jsonl").exit_code == 0
+    answer = why()
+    assert (answer["code"], answer["sentence"]) == (0, "this run reached its goal: nothing has to change")
+
+
+def test_a_map_that_is_not_that_of_the_trace_is_refused(room: Path) -> None:
+    failed_unless("False")
+    (room / "room.omn").write_text(ROOM.replace("1.85 0 0.805", "1.8 0 0.805"), encoding="utf-8")
+    answer = why()
+    assert answer["code"] == 2
+    assert "X022" in {one["code"] for one in answer["diagnostics"]}
+
+
+@pytest.mark.parametrize(("text", "code"), [("no trace", "X020"), ("", "X020")])
+def test_a_damaged_trace_is_refused_with_its_line(room: Path, text: str, code: str) -> None:
+    (room / "run.jsonl").write_text(text, encoding="utf-8")
+    Path("check_module.py").write_text(MODULE, encoding="utf-8")
+    answer = why()
+    assert (answer["code"], answer["diagnostics"][0]["code"]) == (2, code)
+
+
+def test_a_trace_whose_plan_is_not_named_is_refused_with_advice(room: Path) -> None:
+    failed_unless("False")
+    found = invoke("why", "run.jsonl")
+    assert found.exit_code == 2
+    assert "X020 the plan check_the_room of the trace is not bundled: name its file" in found.output
