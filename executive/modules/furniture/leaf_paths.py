@@ -276,8 +276,9 @@ class LeafPaths:
             ajar = int((values > AJAR * joint.upper).sum())
             most = ajar if ajar > PART * len(values) else 0 if self._only_there else len(values)
             steps = np.where(out, np.minimum(steps, most), steps)
+        moves = steps > 1  # first, because a path to each of the others would be searched for in vain
+        bases, coarse, strain, steps, out = bases[moves], coarse[moves], strain[moves], steps[moves], out[moves]
         order = np.lexsort((strain.round(6), ~coarse, -np.minimum(steps, enough), out, self._beyond(joint, bases)))
-        order = order[steps[order] > 1]
         return bases[order], steps[order]
 
     def _beyond(self, joint: Articulation, bases: Array) -> NDArray[np.bool_]:
