@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from executive.ahead.leaving import gets_away
-from executive.ahead.spent import Spent
+from executive.ahead.spent import Share, Spent
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_part import Kept
 from executive.locations import Resolver
@@ -35,6 +35,7 @@ class Foresight:
     def __init__(self, scene: PlanningScene, resolver: Resolver) -> None:
         self._scene, self._resolver = scene, resolver
         self._spent = Spent()
+        self._shares: dict[str, Share] = {}
         self._learnt: Kept[bool] = Kept(MOST_LEARNT)
 
     def first(self, decision: str, candidates: Iterable[T], leaves_a_way: Callable[[T], bool]) -> Iterator[T]:
@@ -74,6 +75,10 @@ class Foresight:
         answer = leaves_a_way(candidate)
         spent.questions += spent != before
         return answer
+
+    def share(self, leaf: str) -> Share:
+        """Return what is left for closing a door again in this run."""
+        return self._shares.setdefault(leaf, Share())
 
     def gets_away(self, state: WorldState) -> bool:
         """Check whether the base gets away from where it stands in a state."""

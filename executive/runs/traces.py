@@ -82,6 +82,8 @@ def line_of(record: Mapping[str, Any]) -> str | None:
             return "resumed"
         case {"event": "stays open", "name": name, "because": reason}:
             return f"{name} stays open: {reason}"
+        case {"event": "stays away", "because": reason}:
+            return f"the robot does not get back to where the plan had brought it: {reason}"
         case {"event": "belief", "change": _, "name": _}:
             return f"  belief: {belief_text(record)}"
     return None

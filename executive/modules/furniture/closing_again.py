@@ -44,7 +44,8 @@ class ClosingAgain(PlatformModule):
         """Close those of ``object_acted_on`` that are open, the farthest first; return the names of those that are not.
 
         Each is closed from the side of the base's place, so that the base gets back there. Of one that stays open the
-        trace, and the run's progress, say why. Raises a NavigationFailure if the base does not get back.
+        trace, and the run's progress, say why, and also why the base does not get back: the goal of the plan is
+        reached all the same.
         """
         await checkpoint()
         scene, place, stay_open = self.platform.scene, self.platform.base(), list[str]()
@@ -65,7 +66,10 @@ class ClosingAgain(PlatformModule):
             x, y, yaw = place
             # a hand that could not be drawn back from the last door keeps the base there at first
             again = Recovery(NavigationFailure, step_back_and_repeat(next(iter(doors.values()))), retries=2)
-            await perform(action("Translation-LocationChange", x=x, y=y, yaw=yaw), recoveries=[again])
+            try:
+                await perform(action("Translation-LocationChange", x=x, y=y, yaw=yaw), recoveries=[again])
+            except PlanFailure as failure:
+                scene.belief.tell("stays away", {"because": str(failure)})
         return tuple(stay_open)
 
     def _doors(self, request: Action) -> dict[str, Object]:

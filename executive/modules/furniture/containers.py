@@ -82,11 +82,12 @@ class LeafWork(HandWork):
     def __init__(self, platform: Platform, joint: Articulation, home: BasePose | None = None) -> None:
         """``home``: on which side of a door between rooms the base is once that is shut; by default where it is.
 
-        If it is stated, the door is shut only from there.
+        If it is stated, the door is closed again, which no later step needs: only from there, and with the run's share
+        of searching for that.
         """
         super().__init__(platform)
         self._joint, self._paths, self._home = joint, LeafPaths(platform.scene, joint), home or platform.base()
-        self._only_there = home is not None
+        self._share = None if home is None else platform.ahead.share(joint.leaf)
         self._later: Location | None = None
         """Where the base stands for the next step that reaches through the leaf while that is open."""
         self._beside: tuple[Articulation, ...] = ()
@@ -118,6 +119,8 @@ class LeafWork(HandWork):
     async def close(self) -> None:
         """Close the leaf; raises as :meth:`open` does."""
         await self._move(0.0, self._joint.last_shut, self._joint.is_shut)
+        if self._share is not None:
+            self._share.renew()
 
     async def _move(self, goal: float, sufficient: float, is_there: Callable[[float], bool]) -> None:
         """Move the leaf to a value, at least to ``sufficient``; if only the map says that it is there, look or feel."""
@@ -166,14 +169,18 @@ class LeafWork(HandWork):
                 raise HandleNotReachable(f"{HandleNotReachable.text}: {missing} of the class Handle", what=joint.leaf)
             arms = self.hands_for(joint.handle, joint.leaf)
             await self.tuck()
-            self._paths = LeafPaths(self.platform.scene, joint, self._home, only_there=self._only_there)
+            self._paths = LeafPaths(self.platform.scene, joint, self._home, only_there=self._share is not None)
             found = self._paths.towards(goal, arms, sufficient)
+            found = found if self._share is None else self._share.within(found)
             for path in self.platform.ahead.first(f"how to move {joint.leaf}", found, self._leaves_a_way):
                 yield path
                 if path is None:
                     await checkpoint()
 
         async def otherwise(problem: PlanFailure | None, count: int) -> PlanFailure:
+            if self._share is not None and self._share.is_used_up:
+                cut = f"{joint.leaf} is not closed again: the search for a way to do so was cut off"
+                return HandleNotReachable(cut, what=joint.leaf)
             if count == 0 and self._paths.rejected.counts[NO_WAY]:
                 wanted = f"the base with a hand at {joint.handle}"
                 behind = behind_doors(self.platform.scene, self._paths.is_reached, joint.leaf, wanted, (joint.leaf,))
@@ -184,7 +191,7 @@ class LeafWork(HandWork):
                 return ContainerStuck(at, what=joint.leaf)
             message = f"the handle of {joint.leaf} is out of reach: {ways_tried(count)}"
             failure = HandleNotReachable(message, what=joint.leaf)
-            failure.__cause__ = problem or self._paths.failure()
+            failure.__cause__ = problem or self._paths.failure(advised=self._share is None)
             return failure
 
         return Skill(

@@ -162,12 +162,15 @@ class LeafPaths:
 
     # Why there is none
 
-    def failure(self) -> LocationUnresolvable:
-        """Build the failure of a search that found nothing, with the likeliest reason and its figures."""
+    def failure(self, *, advised: bool = True) -> LocationUnresolvable:
+        """Build the failure of a search that found nothing, with the likeliest reason and its figures.
+
+        Unless it is ``advised``, no search looks for what would help.
+        """
         self.poses.name_crowding()
         rejected, handle, counts = self.rejected, str(self._joint.handle), self.rejected.ordered()
         as_obstacle = self._scene.bodies.as_obstacle
-        rejected.first, advice = self._once_closed()
+        rejected.first, advice = self._once_closed() if advised else (None, None)
         figures = "" if advice is None else advice.sentence
         if not figures and set(counts) == {NO_GRIP}:
             figures = f"in each of the {counts[NO_GRIP]} grips checked, the hand is in collision, mostly with "
@@ -179,8 +182,9 @@ class LeafPaths:
         elif not figures and counts and set(counts) <= {OUT_OF_REACH.text, NO_ROOM, NO_WAY, SWEPT.text, NO_GRIP}:
             height = height_of(handle, self._scene, self._tried)
             changes = Changes(handle, self._scene, rejected, self._moves)
-            advice = changes.helping()
-            figures = "; ".join(filter(None, (height, changes.none_found()))) if advice is None else advice.sentence
+            advice = changes.helping() if advised else None
+            none_found = changes.none_found() if advised else ""
+            figures = "; ".join(filter(None, (height, none_found))) if advice is None else advice.sentence
         rejected.changes = () if advice is None else advice.changes
         rejected.figures = {next(iter(counts), ""): figures} if figures else {}
         wanted = f"the base with a hand at {handle} as {self._joint.leaf} moves"

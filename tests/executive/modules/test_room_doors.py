@@ -93,6 +93,11 @@ def drive(stage: Room, pose: tuple[float, float, float]) -> None:
     run(plan, host=SimulationHost(stage.truth), executive=stage.executive, max_steps=30_000)
 
 
+async def refused(*request: object) -> None:
+    """A base that does not drive."""
+    raise NavigationPoseUnreachable("something is in the way")
+
+
 def test_a_closed_door_is_a_wall_for_the_base_and_the_camera(stack: ExitStack, tmp_path: Path) -> None:
     shut = flat(stack, RoomDoor(), tmp_path)
     with pytest.raises(NavigationPoseUnreachable):
@@ -163,6 +168,26 @@ def test_only_doors_between_rooms_are_closed_again(stack: ExitStack, tmp_path: P
                 host=SimulationHost(stage.truth),
                 executive=stage.executive,
             )
+
+
+def test_a_door_that_cannot_be_closed_again_is_named_and_no_failure(stack: ExitStack, tmp_path: Path) -> None:
+    stage = flat(stack, RoomDoor(handles=(), facts=("knowrob:jointPosition 1.57",)), tmp_path)
+    trace, again = Trace(), action("ClosingDoorsAgain", object_acted_on=stage.designator("door"))
+    host = SimulationHost(stage.truth)
+    assert run(partial(perform, again), host=host, executive=stage.executive, trace=trace) == ("door",)
+    (told,) = (event for event in trace.events if event["event"] == "stays open")
+    assert (told["name"], "has no handle" in told["because"]) == ("door", True)
+
+
+def test_a_base_that_does_not_get_back_after_closing_doors_is_told_and_no_failure(
+    stack: ExitStack, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage = flat(stack, RoomDoor(facts=("knowrob:jointPosition 0.8",)), tmp_path)
+    monkeypatch.setattr("executive.modules.navigation.Navigation.execute", refused)
+    monkeypatch.setattr("executive.modules.furniture.closing_again.apart", lambda *poses: (1.0, 0.0))
+    trace, again = Trace(), action("ClosingDoorsAgain", object_acted_on=stage.designator("door"))
+    run(partial(perform, again), host=SimulationHost(stage.truth), executive=stage.executive, trace=trace)
+    assert [event["because"] for event in trace.events if event["event"] == "stays away"] == ["something is in the way"]
 
 
 @pytest.mark.long

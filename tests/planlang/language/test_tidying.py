@@ -97,6 +97,12 @@ def test_a_door_that_a_later_step_opens_is_not_closed_again(step: str, closed: i
     assert run.attempts(CLOSE) + run.attempts(AGAIN) == closed
 
 
+def test_a_plan_that_has_succeeded_does_not_fail_because_a_door_stays_open() -> None:
+    run = run_plan(fetching(ONE), script=script(ONE).on(AGAIN, fails=ContainerStuck))
+    assert run.failure is None
+    assert run.attempts(AGAIN) == 1
+
+
 def test_a_failed_plan_closes_no_door() -> None:
     run = run_plan(fetching(ONE), script=script(ONE).on("ClosingAGripper", fails=ContainerStuck))
     assert isinstance(run.failure, ContainerStuck)
