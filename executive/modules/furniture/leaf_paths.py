@@ -289,7 +289,7 @@ class LeafPaths:
         """Mark the bases (m, 3) to which no path surely leads: those behind a door between rooms that is half open."""
         if not joint.frame or joint.is_shut(self._scene.belief.joint(joint.leaf)):
             return np.zeros(len(bases), bool)
-        return np.array([not self._scene.collisions.has_way((x, y, yaw)) for x, y, yaw in bases.tolist()], bool)
+        return ~self._scene.collisions.have_way(bases)
 
     def _unswept(self, bases: Array, values: Array) -> NDArray[np.intp]:
         """Count the leading values (m,) at which the leaf does not overlap bases (m, 3), approximated by circles."""
