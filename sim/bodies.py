@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import product, rotated
-from planlang.geometry.shapes import SolidKind, half_extents, overlaps
+from planlang.geometry.shapes import SolidKind, overlaps
 from planlang.records import dataclass
 from sim.engine import bullet
 from sim.scene import Body, BodyShape, Cavity, Scene
@@ -222,8 +222,7 @@ class Bodies:
 
     def _place(self, name: str, pose: Pose) -> None:
         self.poses[name] = pose
-        for index in self.of[name]:
-            self._put(index)
+        self._put(name, self.of[name])
 
     def place_part(self, index: int, offset: Pose) -> None:
         """Move one piece within its body's frame (a person's arm)."""
@@ -231,21 +230,24 @@ class Bodies:
         self.moves += 1
         piece.offset = offset
         piece.yields = piece.part.limb and offset.distance(piece.part.offset) > AT_REST
-        self._put(index)
+        self._put(piece.body, [index])
 
-    def _put(self, index: int) -> None:
-        piece = self.pieces[index]
-        body = self.poses[piece.body]
-        piece.pose = pose = body if piece.offset == _HERE else body @ piece.offset
-        if piece.body in self.removed:
+    def _put(self, name: str, indices: Sequence[int]) -> None:
+        """Move pieces of a body to where they belong: all at once, as a thing in a hand moves with each query."""
+        pieces, body = [self.pieces[index] for index in indices], self.poses[name]
+        placed = Pose.from_matrices(product(body.matrix(), Pose.matrices(piece.offset for piece in pieces)))
+        for piece, pose in zip(pieces, placed, strict=True):
+            piece.pose = body if piece.offset == _HERE else pose
+        if name in self.removed:
             return
-        if piece.uid is not None:
-            bullet.resetBasePositionAndOrientation(
-                piece.uid, pose.position, pose.orientation, physicsClientId=self.client
-            )
-        reach = half_extents(pose, _extents(piece.part))
-        self.lower[index] = np.asarray(pose.position) - reach
-        self.upper[index] = np.asarray(pose.position) + reach
+        for piece in pieces:
+            if piece.uid is not None:
+                bullet.resetBasePositionAndOrientation(
+                    piece.uid, piece.pose.position, piece.pose.orientation, physicsClientId=self.client
+                )
+        matrices = Pose.matrices(piece.pose for piece in pieces)
+        reach = rotated(np.abs(matrices[:, :3, :3]), np.array([_extents(piece.part) for piece in pieces]) / 2)
+        self.lower[indices], self.upper[indices] = matrices[:, :3, 3] - reach, matrices[:, :3, 3] + reach
 
     def remove(self, name: str) -> None:
         """Take a body out of the world: it cannot be touched or seen."""
