@@ -20,9 +20,9 @@ from executive.runs.prepared import prepared
 from executive.sweeps import Row, World, run
 from executive.sweeps.records import LIMITS, Done
 from executive.sweeps.variants import Variant, variants_of
-from planlang.diagnostics import BadInput, Diagnostic
+from planlang.diagnostics import BadInput, Diagnostic, warning
 from planlang.language.source import PlanSource
-from planlang.words import COMMAND_LINE, Call, Text, calling
+from planlang.words import COMMAND_LINE, Call, Option, Text, calling
 
 JOB, READS = "executive.commands.swept_world:ended", "executive.commands.swept_world:assembled"
 _WALL_PER_CPU = 5.0
@@ -47,7 +47,7 @@ def swept(
     seeds = range(options.first, options.first + options.worlds)
     for part in parts:
         refuse(check_written(options, SweepOptions, dict(part.inputs())))
-    announce(list(dict.fromkeys(one for part in parts for one in part.files.notes)))
+    announce([*dict.fromkeys(one for part in parts for one in part.files.notes), *_other_worlds(parts)])
     return run(
         [part.world(seed) for seed in seeds for part in parts],
         JOB,
@@ -169,6 +169,16 @@ def _texts(values: Sequence[Any]) -> list[str]:
     """Texts for the values of what varies, one if no comma is part of a value."""
     texts = list(map(str, values))
     return texts if any("," in one for one in texts) else [",".join(texts)]
+
+
+def _other_worlds(parts: Sequence[_Part]) -> list[Diagnostic]:
+    """Warn of variants in other environments, unless these are what varies: their worlds are not the same."""
+    chosen = {str(part.files.environment): part.files.environment for part in parts if part.files.environment}
+    if len(chosen) < 2 or any(part.variant is not None and "environment" in part.variant.columns for part in parts):
+        return []
+    names = ", ".join(path.name.partition(".")[0] for path in chosen.values())
+    advice = Text(Option("environment"), " names one for all")
+    return [warning("C038", f"the variants are in different environments: {names}", help=advice)]
 
 
 def _about(options: SweepOptions, parts: Sequence[_Part]) -> Mapping[str, Any]:

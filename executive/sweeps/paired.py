@@ -65,15 +65,23 @@ def mcnemar(counts: Counts) -> float:
     fewer, total = min(counts.n10, counts.n01), counts.n10 + counts.n01
     if 2 * fewer >= total:
         return 1.0
-    # the tail from its largest term on, each smaller by a ratio: no factorial of a large number
-    largest = math.lgamma(total + 1) - math.lgamma(fewer + 1) - math.lgamma(total - fewer + 1) - total * math.log(2)
-    term, tail = 1.0, 1.0
-    for number in range(fewer, 0, -1):
-        term *= number / (total - number + 1)
+    return min(1.0, 2.0 * _at_most(fewer, total, 0.5))
+
+
+def _at_most(count: int, total: int, chance: float) -> float:
+    """Probability of at most ``count`` successes, of each with a ``chance`` of at least their share and below 1.
+
+    Summed from the largest term on, each smaller by a ratio: no factorial of a large number.
+    """
+    ways = math.lgamma(total + 1) - math.lgamma(count + 1) - math.lgamma(total - count + 1)
+    largest = ways + count * math.log(chance) + (total - count) * math.log1p(-chance)
+    term, tail, odds = 1.0, 1.0, (1 - chance) / chance
+    for number in range(count, 0, -1):
+        term *= odds * number / (total - number + 1)
         tail += term
         if term < 1e-18 * tail:
             break
-    return min(1.0, 2.0 * math.exp(largest) * tail)
+    return math.exp(largest) * tail
 
 
 def holm(values: Sequence[float]) -> list[float]:
@@ -88,12 +96,34 @@ def holm(values: Sequence[float]) -> list[float]:
 def difference_interval(counts: Counts) -> tuple[float, float]:
     """95 % confidence interval of the difference of the shares that two variants reach in the same worlds.
 
-    Newcombe's tenth method (Statistics in Medicine 17, 1998): from the Wilson intervals of both shares, and their
-    correlation. (-1, 1) without worlds.
+    That of :func:`newcombe`, on the side of no difference as far as the exact test, inverted, allows: 0 is inside
+    unless p is below 0.05. (-1, 1) without worlds.
+    """
+    if counts.worlds == 0:
+        return -1.0, 1.0
+    low, high = newcombe(counts)
+    if counts.difference > 0:
+        return min(low, _bound_of_test(counts)), high
+    return (low, max(high, _bound_of_test(counts))) if counts.difference < 0 else (low, high)
+
+
+def _bound_of_test(counts: Counts) -> float:
+    """Bound of the difference on the side of none, from the interval of Clopper and Pearson for worlds that differ."""
+    fewer, total = min(counts.n10, counts.n01), counts.n10 + counts.n01
+    low, high = fewer / total, 1.0
+    while high - low > 1e-12 and fewer < total:
+        middle = (low + high) / 2
+        low, high = (middle, high) if _at_most(fewer, total, middle) > LEVEL / 2 else (low, middle)
+    bound = (1 - 2 * high) * total / counts.worlds
+    return bound if counts.difference > 0 else -bound
+
+
+def newcombe(counts: Counts) -> tuple[float, float]:
+    """95 % interval by Newcombe's tenth method, from the Wilson intervals of both shares and their correlation.
+
+    Statistics in Medicine 17, 1998; needs a world.
     """
     total = counts.worlds
-    if total == 0:
-        return -1.0, 1.0
     first, second = counts.n11 + counts.n10, counts.n11 + counts.n01
     (low1, high1), (low2, high2) = wilson(first, total), wilson(second, total)
     share1, share2 = first / total, second / total

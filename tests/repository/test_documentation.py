@@ -33,7 +33,7 @@ LONG = (
         f"docs/guides/{name}.md"
         for name in ("published_recipes", "reasoning", "recording", "report", "resuming", "running", "searching")
     ),
-    *("docs/guides/sweeping.md", "docs/guides/testing.md"),
+    *("docs/guides/comparing.md", "docs/guides/sweeping.md", "docs/guides/testing.md"),
     *("docs/first_steps/first_plan.md", "docs/first_steps/own_robot.md"),
     *("docs/reference/formats.md", "docs/reference/gallery.md"),
 )

@@ -14,6 +14,7 @@ from statsmodels.stats.multitest import multipletests
 from statsmodels.stats.proportion import proportion_confint
 
 from executive.sweeps.paired import (
+    LEVEL,
     POWER,
     Counts,
     difference_interval,
@@ -21,6 +22,7 @@ from executive.sweeps.paired import (
     least_difference,
     mcnemar,
     mean_interval,
+    newcombe,
     power,
     worlds_needed,
 )
@@ -69,9 +71,14 @@ def test_an_interval_has_the_difference_and_is_mirrored_when_the_variants_are_sw
     assert swapped == pytest.approx((-high, -low), abs=1e-12)
 
 
+@given(COUNTS)
+def test_no_difference_is_in_the_interval_unless_the_test_finds_one(counts: Counts) -> None:
+    low, high = difference_interval(counts)
+    assert (low <= 0 <= high) == (mcnemar(counts) >= LEVEL)
+
+
 def test_the_interval_of_a_published_example_is_that_of_its_author() -> None:
-    low, high = difference_interval(Counts(36, 2, 12, 0))
-    assert (low, high) == pytest.approx((0.0569, 0.3404), abs=5e-5)
+    assert newcombe(Counts(36, 2, 12, 0)) == pytest.approx((0.0569, 0.3404), abs=5e-5)
 
 
 @given(COUNTS)
