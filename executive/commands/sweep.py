@@ -18,10 +18,12 @@ from executive.runs.files import RecipeFile, refuse
 from executive.runs.options import RunOptions
 from executive.runs.prepared import prepared
 from executive.sweeps import Row, World, run
+from executive.sweeps.installations import check_options, installation
 from executive.sweeps.records import LIMITS, Done
 from executive.sweeps.variants import Variant, variants_of
 from planlang.diagnostics import BadInput, Diagnostic, warning
 from planlang.language.source import PlanSource
+from planlang.shell import quoted
 from planlang.words import COMMAND_LINE, Call, Option, Text, calling
 
 JOB, READS = "executive.commands.swept_world:ended", "executive.commands.swept_world:assembled"
@@ -82,11 +84,20 @@ class _Part:
         self._run = RunOptions(**values_of(self.options, SituationSettings), recipe=self.options.recipe)
         try:
             self.files = prepared(self._run)
+            self._other = None if self.options.python is None else installation(self.options.python)
+            if self._other is not None:
+                check_options(self._other, self._given)
         except BadInput as problem:
             if variant is None:
                 raise
             found = [replace(one, message=Text(f"{variant.name}: ", one.message)) for one in problem.diagnostics]
             raise BadInput(found) from None
+
+    @cached_property
+    def _given(self) -> dict[str, Any]:
+        """Options of each run, of which another installation need not know those that are off."""
+        given = as_json(self._run, SituationSettings)
+        return {name: value for name, value in given.items() if value is not False}
 
     @cached_property
     def _recipe(self) -> str:
@@ -102,15 +113,20 @@ class _Part:
 
     def call(self, **more: object) -> str:
         """The command that runs a world."""
-        return COMMAND_LINE.call(calling("run", self.named, **dict(stated(self._run, SituationSettings)), **more))
+        call = COMMAND_LINE.call(calling("run", self.named, **dict(stated(self._run, SituationSettings)), **more))
+        if self._other is None:
+            return call
+        return f"{quoted(self._other.python)} -m executive {call.removeprefix('planlang ')}"
 
     def world(self, seed: int) -> World:
         """The world of a seed."""
         world: dict[str, Any] = {
             "world": seed if self.variant is None else self.variant.key(seed),
             "repeat": self.call(seed=seed),
-            "options": {**as_json(self._run, SituationSettings), "recipe": self._recipe, "seed": seed},
+            "options": {**self._given, "recipe": self._recipe, "seed": seed},
         }
+        if self._other is not None:
+            world["python"] = self._other.python
         if self.variant is not None:
             world["columns"] = {"variant": self.variant.name, "seed": seed, **self.variant.columns}
             world["programs"] = self._programs
@@ -145,6 +161,8 @@ class _Part:
         before = "" if self.variant is None else f"{self.variant.name}: "
         yield f"{before}arguments", self.call()
         yield f"{before}settings", dict(self.files.options.set or {})
+        if self._other is not None:
+            yield f"{before}planlang", {"version": self._other.version, "sha256": self._other.sha256}
         for name, path in self.inputs():
             yield f"{before}content of {name}", hashlib.sha256(path.read_bytes()).hexdigest()
 

@@ -352,6 +352,13 @@ class SweepOptions(SituationSettings):
             parse=shard,
         ),
     ] = None
+    python: Annotated[
+        Path | None,
+        option(
+            metavar="PYTHON",
+            help="Run the worlds on this machine with the planlang of this interpreter, such as another checkout's.",
+        ),
+    ] = None
     vary: Annotated[
         Mapping[str, list[Any]] | None,
         option(

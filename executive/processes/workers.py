@@ -109,6 +109,11 @@ _ENDED = (Ending.LOST, Ending.LATE, Ending.MEMORY)
 """Endings of a call that also end its worker."""
 
 
+def other_environment() -> dict[str, str]:
+    """Environment variables for another installation's interpreter, without those that name modules of this one."""
+    return {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "PYTHONHOME")}
+
+
 class Source:
     """The process that workers are forked from, started on demand. Thread-safe.
 
@@ -116,12 +121,13 @@ class Source:
     current call).
     """
 
-    def __init__(self, prepare: str, *arguments: str) -> None:
+    def __init__(self, prepare: str, *arguments: str, python: str | None = None) -> None:
         """Configure the source; ``prepare`` (``module:function``) is called in it with ``arguments``.
 
-        It returns the function by which workers make calls (:data:`~executive.processes.workers.Performs`).
+        It returns the function by which workers make calls (:data:`~executive.processes.workers.Performs`). ``python``
+        is the interpreter of another installation, which then has all modules.
         """
-        self._prepare = (prepare, *arguments)
+        self._prepare, self._python = (prepare, *arguments), python
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
         self._control: socket.socket | None = None
@@ -148,9 +154,13 @@ class Source:
         self._control, theirs = socket.socketpair()
         with theirs:
             # -P: imports nothing from the current folder, which may contain untrusted files
-            command = [sys.executable, "-P", "-c", START, *self._prepare]
+            command = [self._python or sys.executable, "-P", "-c", START, *self._prepare]
             self._process = subprocess.Popen(
-                command, stdin=theirs.fileno(), stdout=subprocess.DEVNULL, start_new_session=True
+                command,
+                stdin=theirs.fileno(),
+                stdout=subprocess.DEVNULL,
+                start_new_session=True,
+                env=None if self._python is None else other_environment(),
             )
 
     def _end(self) -> None:

@@ -14,7 +14,8 @@ World = Mapping[str, Any]
 """Input of a job (JSON): ``world``, a unique key (number or text), and whatever else the job needs.
 
 ``repeat``, the command line that repeats this world, and the entries of ``columns`` are copied into its row. Worlds
-with other ``programs`` (a text: code of users) share no process, as one might change what the other runs. ``report`` is
+with other ``programs`` (a text: code of users) share no process, as one might change what the other runs. ``python`` is
+the interpreter of another installation of planlang that runs the world, on this machine. ``report`` is
 the path of a page that the job may write.
 """
 Row = dict[str, Any]

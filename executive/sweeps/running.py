@@ -14,9 +14,9 @@ from executive.processes.workers import Limits
 from executive.sweeps import local
 from executive.sweeps.files import SweepFile, header_of
 from executive.sweeps.records import CLUSTER_WAIT, LIMITS, Backend, Done, Row, Task, World
-from planlang.diagnostics import BadInput
+from planlang.diagnostics import BadInput, WrongOption
 from planlang.extras import no_cluster
-from planlang.words import Call
+from planlang.words import Call, Option
 
 
 def run(
@@ -74,6 +74,8 @@ def run(
         say=say,
     )
     backend = backend_of(on)
+    if backend is not local.worlds_done and any("python" in world for world in worlds):
+        raise WrongOption(Option("python"), " needs ", Option("on", LOCAL), ": workers of a cluster have one planlang")
     with ExitStack() as stack:
         rows: dict[Any, Row] = {}
         file = None

@@ -9,7 +9,8 @@ import json
 import os
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+import threading
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
@@ -30,8 +31,11 @@ class Supervisor:
         ``environment`` are variables that the processes have besides those of this one; ``PWD`` is their current
         folder.
         """
-        self._job, self._limits = job, limits
+        self._job, self._limits, self._folder = job, limits, folder
         self._source = source_of(job, folder, path, environment)
+        self._lock = threading.Lock()
+        self._others: dict[str, Source] = {}
+        """Interpreters of other installations -> their sources."""
 
     def start(self) -> None:
         """Start the source, so that it is prepared when the first world comes."""
@@ -39,32 +43,49 @@ class Supervisor:
 
     def slot(self) -> Slot:
         """Return a place for one world at a time; close it in the end."""
-        return Slot(self._source, self._job, self._limits)
+        return Slot(self._source_for, self._job, self._limits)
+
+    def _source_for(self, world: World) -> Source:
+        python = world.get("python")
+        if python is None:
+            return self._source
+        with self._lock:
+            if python not in self._others:
+                self._others[python] = source_of(self._job, self._folder, (), python=python)
+            return self._others[python]
 
     def close(self) -> None:
         """End all processes; the worlds that run in them are lost."""
-        self._source.close()
+        with self._lock:
+            for source in (self._source, *self._others.values()):
+                source.close()
 
 
-def source_of(job: str, folder: Path, path: Sequence[str], environment: Mapping[str, str] | None = None) -> Source:
-    """Return a source of processes for a job; the arguments are those of a :class:`Supervisor`."""
+def source_of(
+    job: str,
+    folder: Path,
+    path: Sequence[str],
+    environment: Mapping[str, str] | None = None,
+    python: str | None = None,
+) -> Source:
+    """Return a source of processes for a job; arguments are those of :class:`Supervisor` and :class:`Source`."""
     given = json.dumps({"path": list(path), "environment": dict(environment or {})})
-    return Source("executive.sweeps.supervised:prepared", job, str(folder), given)
+    return Source("executive.sweeps.supervised:prepared", job, str(folder), given, python=python)
 
 
 class Slot:
-    """Runs one world at a time. Worlds with other programs of users have worker processes of their own."""
+    """Runs one world at a time. Worlds of other installations or programs of users have processes of their own."""
 
-    def __init__(self, source: Source, job: str, limits: Limits) -> None:
-        self._source, self._job, self._limits = source, job, limits
-        self._workers: dict[str, Worker] = {}
+    def __init__(self, source_for: Callable[[World], Source], job: str, limits: Limits) -> None:
+        self._source_for, self._job, self._limits = source_for, job, limits
+        self._workers: dict[tuple[str, str], Worker] = {}
 
     def done(self, world: World) -> Done:
         """Run the job in a world and return its row. Raises BadInput if the job did."""
-        programs = world.get("programs", "")
-        if programs not in self._workers:
-            self._workers[programs] = Worker(self._source, self._limits)
-        return _done(world, self._workers[programs].call(do, self._job, dict(world)), self._limits)
+        key = world.get("python", ""), world.get("programs", "")
+        if key not in self._workers:
+            self._workers[key] = Worker(self._source_for(world), self._limits)
+        return _done(world, self._workers[key].call(do, self._job, dict(world)), self._limits)
 
     def close(self) -> None:
         """End the processes after their current world."""

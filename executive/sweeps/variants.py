@@ -108,7 +108,7 @@ def _together(common: SweepOptions, settings: Mapping[str, Any]) -> dict[str, An
 def _varying() -> Mapping[str, Stated]:
     """Options that may vary: those of the situation, the recipe, and the interpreter."""
     of_sweep = declared(SweepOptions)
-    return {name: of_sweep[name] for name in (*declared(SituationSettings), "recipe") if name in of_sweep}
+    return {name: of_sweep[name] for name in (*declared(SituationSettings), "recipe", "python") if name in of_sweep}
 
 
 def _setting(name: str, given: Any) -> tuple[str, Any]:

@@ -39,6 +39,11 @@ def test_a_sweep_has_the_same_lines_on_one_process_on_two_and_in_merged_shards(t
     assert (tmp_path / "two").read_bytes() == one == (tmp_path / "merged").read_bytes()
 
 
+def test_a_shard_has_the_worlds_that_belong_together() -> None:
+    shards = [run(numbered(8), SQUARE, processes=1, shard=(part, 2), together=2) for part in (1, 2)]
+    assert [[row["world"] for row in rows] for rows in shards] == [[1, 2, 5, 6], [3, 4, 7, 8]]
+
+
 @pytest.mark.long
 def test_what_happens_to_a_process_costs_its_world_only(tmp_path: Path) -> None:
     hows = ["abort", "killed once", "hang", "fill", "mistake", "no JSON", "well"]

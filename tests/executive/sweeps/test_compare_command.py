@@ -1,0 +1,146 @@
+"""``planlang compare``, ``sweep --vary`` and ``sweep-table A B``: variants have the same worlds, and all is printed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import planlang
+from executive.commands.sweep import swept
+from executive.options.declaring import made
+from executive.options.running import SweepOptions
+from executive.sweeps.files import read_sweep
+from executive.sweeps.records import Done
+from tests.support.cli_runs import answer, invoke
+from tests.support.refusals import refusal
+
+LACKING = ("pass_a_drink", "--robot", "panda", "--worlds", "2", "--vary", "schedule=1,2")
+"""Worlds that are refused, which takes no time."""
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("compared") / "rows.jsonl"
+    result = invoke("compare", *LACKING, "--output", out, "--csv", out.with_suffix(".csv"))
+    assert result.exit_code == 0, result.stderr
+    assert result.stdout.startswith("variant     worlds  reached")
+    return out
+
+
+def test_the_file_has_each_world_with_each_variant_and_what_varies(compared: Path) -> None:
+    sweep = read_sweep(compared)
+    assert sweep.variants == {"schedule=1": {"schedule": "1"}, "schedule=2": {"schedule": "2"}}
+    assert [row["world"] for row in sweep.rows] == ["schedule=1 1", "schedule=2 1", "schedule=1 2", "schedule=2 2"]
+    assert [(row["variant"], row["seed"], row["schedule"]) for row in sweep.rows][1] == ("schedule=2", 1, "2")
+    assert sweep.rows[1]["repeat"] == "planlang run pass_a_drink --robot panda --schedule 2 --seed 1"
+    about = sweep.header["about"]
+    assert about["schedule=1: content of robot"] == about["schedule=2: content of robot"]
+    head = compared.with_suffix(".csv").read_text().partition("\n")[0]
+    assert head.startswith("world,repeat,variant,seed,schedule,outcome")
+
+
+def test_the_same_command_goes_on_and_other_variants_are_refused(compared: Path, tmp_path: Path) -> None:
+    lines = compared.read_text().splitlines(keepends=True)
+    rest = tmp_path / "rest.jsonl"
+    rest.write_text("".join(lines[:3]))
+    again = invoke("compare", *LACKING, "--output", rest)
+    assert "2 of 4 worlds were done before" in again.stderr
+    assert rest.read_bytes() == compared.read_bytes()
+    other = invoke("compare", *LACKING[:-1], "schedule=1,3", "--output", rest)
+    assert other.exit_code == 2
+    assert "C031" in other.stderr
+
+
+def test_a_sweep_with_variants_has_a_table_for_each_and_its_file_is_compared_too(compared: Path) -> None:
+    swept = invoke("sweep", *LACKING, "--output", compared)
+    assert "schedule=1: 2 worlds\nreached                   0" in swept.stdout
+    assert "against" not in swept.stdout
+    shown = invoke("sweep-table", compared)
+    assert shown.stdout.startswith(swept.stdout.rstrip())
+    assert "schedule=2 against schedule=1: no difference shown" in shown.stdout
+    data = answer("sweep-table", compared)
+    assert [one["name"] for one in data["variants"]] == ["schedule=1", "schedule=2"]
+    assert data["pairs"][0]["n00"] == 2
+    assert len(data["rows"]) == 4
+
+
+def test_files_are_compared_as_variants_and_worlds_of_one_are_named(compared: Path, tmp_path: Path) -> None:
+    plain = tmp_path / "plain.jsonl"
+    header = {**read_sweep(compared).header, "about": {}, "worlds": [1, 2, 3]}
+    rows = [{"world": seed, "outcome": "failed"} for seed in (1, 2, 3)]
+    plain.write_text("".join(f"{json.dumps(one)}\n" for one in (header, *rows)))
+    shown = invoke("sweep-table", plain, compared, "--csv", tmp_path / "both.csv")
+    assert shown.exit_code == 0
+    assert f"{compared}: schedule=1 against {plain}: no difference shown" in shown.stdout
+    assert f"1 world only of {plain}, not compared: 3" in shown.stdout
+    assert (tmp_path / "both.csv").read_text().count("\n") > 7
+    missing = invoke("sweep-table", plain, tmp_path / "none")
+    assert missing.exit_code == 2
+
+
+def test_an_interrupted_comparison_compares_what_was_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object, told: Callable[[Done], None], **more: object) -> None:
+        for name in ("schedule=1", "schedule=2"):
+            told(Done({"world": f"{name} 1", "variant": name, "seed": 1, "outcome": "done"}, 1.0))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("executive.commands.sweep.run", interrupted)
+    result = invoke("compare", *LACKING, "--output", tmp_path / "rows")
+    assert result.exit_code == 130
+    assert f"interrupted after 2 of 4 worlds, which {tmp_path / 'rows'} has: repeat" in result.stderr
+    assert "reached by both 1" in result.stdout
+
+
+def test_a_comparison_needs_two_variants() -> None:
+    for words in ((), ("--vary", "robot=panda"), ("--variant", "a:")):
+        result = invoke("compare", "pass_a_drink", *words)
+        assert result.exit_code == 2
+        assert "name two variants at least: --vary robot=amigo,pr2" in result.stderr
+        assert "--variant 'mine: --robot my.toml'" in result.stderr
+    with refusal("C040", naming='vary={"robot": ["amigo", "pr2"]}'):
+        planlang.compare("pass_a_drink")
+
+
+def test_what_is_wrong_with_a_variant_is_said_with_its_name() -> None:
+    result = invoke("compare", "pass_a_drink", "--vary", "robot=panda,nobody")
+    assert result.exit_code == 2
+    assert "robot=nobody: " in result.stderr
+
+
+def test_variants_that_choose_other_environments_are_warned_of() -> None:
+    found: list[Any] = []
+
+    def stop(diagnostics: Any) -> None:
+        found.extend(diagnostics)
+        raise KeyboardInterrupt
+
+    options = made(SweepOptions, {"recipe": "serve_a_drink", "vary": {"bottle": ["bottle1", "bottle2"]}})
+    with pytest.raises(KeyboardInterrupt):
+        swept(options, announce=stop)
+    assert [one.code for one in found] == ["X010", "C038"]
+    assert "hospital_room, ward_office" in found[1].message
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"variant": "other"}, {"variant": None}, {"seed": "1"}, {"seed": None}],
+)
+def test_a_row_without_a_variant_of_the_header_is_damaged(
+    compared: Path, tmp_path: Path, change: dict[str, object]
+) -> None:
+    head, first, *rest = compared.read_text().splitlines(keepends=True)
+    damaged = tmp_path / "damaged.jsonl"
+    damaged.write_text("".join([head, json.dumps({**json.loads(first), **change}) + "\n", *rest]))
+    result = invoke("sweep-table", damaged)
+    assert result.exit_code == 2
+    assert "damaged.jsonl:2:1: error C030" in result.stderr
+
+
+def test_rows_and_comparison_in_python_are_those_of_the_command(compared: Path) -> None:
+    found = planlang.compare("pass_a_drink", 2, robot="panda", vary={"schedule": [1, 2]}, output=compared)
+    assert list(found.rows) == list(read_sweep(compared).rows)
+    assert str(found) == "\n".join(invoke("compare", *LACKING, "--output", compared).stdout.splitlines())
