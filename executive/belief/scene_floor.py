@@ -14,6 +14,7 @@ from executive.belief.memory import BasePose as BasePose
 from executive.belief.scene_part import Kept, ScenePart
 from executive.motion import Boxes, Grid
 from executive.motion.bodies import Solids
+from executive.motion.clearance import Mask
 from executive.motion.floods import EVERY, LACKING, SPARE, Drivable, Poses, drivable, poses_for
 from executive.motion.outlines import outlines
 from executive.robots import CARRYING
@@ -26,6 +27,8 @@ NEAR_ITS_END = 0.4
 """Distance from the goal within which less than a cell of clearance is enough for the base [m]."""
 ASIDE = (0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6)
 """Offsets from the middle of the straight line at which to try the corner of a path with one turn [m]."""
+SAMPLED = (16, 1)
+"""Strides of the points of such paths that are checked: a few rule most paths out, then all those of the others."""
 MOST_FLOOR = 10_000.0
 """Largest area of a map for which base reachability is computed [m^2]."""
 MOST_REMOVED = 8
@@ -113,27 +116,47 @@ class SceneFloor(ScenePart):
 
     def has_way(self, base: BasePose) -> bool:
         """Check whether the base can drive to a pose: on a path with at most one turn, else as :meth:`reached` says."""
-        return self._goes_straight(base) or bool(self.reached()(np.array([base]))[0])
+        return self._goes_straight(base[:2]) or bool(self.reached()(np.array([base]))[0])
+
+    def have_way(self, bases: Array) -> Mask:
+        """Check to which of many poses (n, 3) the base can drive, (n,), as :meth:`has_way` says."""
+        good = self.reached()(bases)  # once for all, where a path with one turn is searched for each
+        good[~good] = self._go_straight(bases[~good, :2])
+        return good
 
     def reached(self) -> Drivable:
         """Compute where the base can surely drive as it drives; it turns only where :data:`SPARE` clearance is left."""
         return self._flooded(self._reached, self.travelled(), -SPARE)
 
-    def _goes_straight(self, base: BasePose) -> bool:
-        """Check whether the base can turn everywhere on two line segments to a pose, for one of a few corners.
+    def _go_straight(self, ends: Array) -> Mask:
+        """Check to which places (n, 2) :meth:`_goes_straight` says that the base can drive, (n,)."""
+        floor, start = self.travelled(), np.array(self._world.configuration().base[:2])
+        needed = np.where(np.hypot(*(ends - start).T) > NEAR_ITS_END, CELL, 0.0)
+        clear = (floor.at(start[None]) >= needed) & (floor.at(ends) >= 0.0)
+        clear[clear] = [self._goes_straight((x, y)) for x, y in ends[clear].tolist()]
+        return np.asarray(clear)
+
+    def _goes_straight(self, place: tuple[float, float]) -> bool:
+        """Check whether the base can turn everywhere on two line segments to a place, for one of a few corners.
 
         Except near the end, a further cell of clearance is required, so that a flood fill would get there too.
         """
-        floor, start, end = self.travelled(), np.array(self._world.configuration().base[:2]), np.array(base[:2])
+        floor, start, end = self.travelled(), np.array(self._world.configuration().base[:2]), np.array(place)
         line = end - start
         across = np.array([-line[1], line[0]]) / max(float(np.hypot(*line)), CELL)
         corners = ((start + end) / 2 + np.outer(ASIDE, across))[:, None]
         count = math.ceil(2 * (float(np.hypot(*line)) / 2 + max(ASIDE)) / CELL) + 1
         shares = np.linspace(0.0, 1.0, count)[None, :, None]
         paths = np.concatenate([start + shares * (corners - start), corners + shares * (end - corners)], axis=1)
-        clearance = floor.at(paths.reshape(-1, 2)).reshape(paths.shape[:2])
-        before = np.hypot(*np.moveaxis(paths - end, 2, 0)) > NEAR_ITS_END
-        return bool((clearance >= np.where(before, CELL, 0.0)).all(axis=1).any())
+
+        def are_clear(points: Array) -> Mask:
+            clearance = floor.at(points.reshape(-1, 2)).reshape(points.shape[:2])
+            before = np.hypot(*np.moveaxis(points - end, 2, 0)) > NEAR_ITS_END
+            return np.asarray((clearance >= np.where(before, CELL, 0.0)).all(axis=1))
+
+        for every in SAMPLED:
+            paths = paths[are_clear(paths[:, ::every])]
+        return len(paths) > 0
 
     def drivable(self) -> Drivable:
         """Compute where the base may be able to drive from its current pose, as it drives; LACKING clearance may miss.

@@ -29,8 +29,8 @@ Touching = Callable[[Array, Sequence[tuple[str, str]] | None], Sequence[tuple[st
 """Exact, slow check: which pairs of bodies collide at a configuration (d,).
 
 The second argument holds the candidate pairs, None if they are unknown."""
-AT_FIRST = 8
-"""Configurations of a path in the first batch of exact checks; batches double."""
+AT_FIRST, GROWTH = 1, 4
+"""Configurations of a path in the first batch of exact checks, where most hits are, and growth of the batches."""
 REACH = 10
 """Length of a new branch, in units of the edge resolution."""
 HITS = 0.04
@@ -242,7 +242,7 @@ class _Search:
             for row, among in zip(batch, self.quick.doubtful(batch), strict=True):
                 if (among is None or among) and self.pairs(row, among):
                     return np.asarray(row)
-            first, size = first + size, 2 * size
+            first, size = first + size, GROWTH * size
         return None
 
     def edge_free(self, a: Array, b: Array, *ends: Array) -> bool:
@@ -256,7 +256,8 @@ class _Search:
             return False
         if self.exactly:
             return self.hit(rows) is None
-        return bool(self.quick.free(rows).all())
+        # if anything is in the way, mostly at the first configuration, which is the end of a branch
+        return all(bool(self.quick.free(some).all()) for some in (rows[:1], rows[1:]))
 
     def edge(self, a: Array, b: Array, *ends: Array) -> list[Array] | None:
         """Connect a to b, free as far as known: by a straight edge, else by its projection; None if neither is free."""

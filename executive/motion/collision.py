@@ -155,8 +155,8 @@ class QuickCheck:
         for key in self._close:  # neighbouring links are hardly ever separable; if not, nothing else need be tested
             clear[clear] = self._are_apart(*key, frames[..., clear])
         rows = np.flatnonzero(clear)
-        _, hit, groups = self._unsure(frames[..., rows])
-        clear[rows[hit]] = False
+        _, near, hits, groups = self._unsure(frames[..., rows])
+        clear[rows[near[:hits]]] = False
         for pair, piece, some in groups:
             undecided = rows[some][clear[rows[some]]]
             if len(undecided):
@@ -170,18 +170,25 @@ class QuickCheck:
         return self.clear(self._here(len(q)), q)
 
     def doubtful(self, q: Array) -> list[list[tuple[str, str]] | None]:
-        """List the movers and obstacles that may touch at each of configurations (n, d); None if unknown."""
+        """List the movers and obstacles that may touch at each of configurations (n, d); None if unknown.
+
+        A list is empty where the configuration is surely free. Elsewhere it also has pairs that are surely apart: to
+        check one exactly takes less time than to find that out.
+        """
         if not self.whole:
             return [None] * len(q)
         frames = self._frames(self._here(len(q)), q)
-        pairs, rows, groups = self._unsure(frames)
+        pairs, rows, hits, groups = self._unsure(frames)
         pairs_of_rows: list[dict[int, None]] = [{} for _ in q]
         for pair, row in zip(pairs.tolist(), rows.tolist(), strict=True):
             pairs_of_rows[row][pair] = None
+        in_doubt = np.zeros(len(q), bool)
+        in_doubt[rows[:hits]] = True
         for pair, piece, several in groups:
-            for row in several[~self._are_apart(pair, piece, frames[..., several])].tolist():
-                pairs_of_rows[row][pair] = None
-        return [[self._pair(pair) for pair in one] for one in pairs_of_rows]
+            if len(undecided := several[~in_doubt[several]]):
+                in_doubt[undecided] = ~self._are_apart(pair, piece, frames[..., undecided])
+        each = zip(in_doubt.tolist(), pairs_of_rows, strict=True)
+        return [[self._pair(pair) for pair in one] if may_touch else [] for may_touch, one in each]
 
     def free(self, q: Array) -> NDArray[np.bool_]:
         """Check at which configurations (n, d) no sphere penetrates anything (n,)."""
@@ -242,10 +249,11 @@ class QuickCheck:
         frames[FIRST_JOINT:, :, 3] += base[:, 3]
         return frames
 
-    def _unsure(self, frames: Array) -> tuple[Index, Index, list[tuple[int, int, Index]]]:
-        """Find pairs and rows of frames (f, 3, 4, n) that hit, and undecided pairs and pieces with their rows.
+    def _unsure(self, frames: Array) -> tuple[Index, Index, int, list[tuple[int, int, Index]]]:
+        """Find pairs and rows of frames (f, 3, 4, n) that may touch, those that hit first, and the number of these.
 
-        The nearest of the latter come first. Their piece is -1 if the obstacle is tested as a whole.
+        Also groups the others, the nearest first: pairs and pieces with their rows. Their piece is -1 if the obstacle
+        is tested as a whole.
         """
         pair, row, gap, piece = self._near(np.maximum(self._limit, self._sure), frames, self._pairs)
         hit = gap < self._limit[pair]
@@ -254,7 +262,9 @@ class QuickCheck:
         groups: dict[tuple[int, int], dict[int, None]] = {}
         for key in zip(pair[order].tolist(), piece[order].tolist(), row[order].tolist(), strict=True):
             groups.setdefault(key[:2], {})[key[2]] = None
-        return pair[hit], row[hit], [(*key, np.array(list(rows), np.intp)) for key, rows in groups.items()]
+        found, hits = np.concatenate([np.flatnonzero(hit), order]), int(hit.sum())
+        grouped = [(*key, np.array(list(rows), np.intp)) for key, rows in groups.items()]
+        return pair[found], row[found], hits, grouped
 
     def _are_apart(self, pair: int, piece: int, frames: Array) -> NDArray[np.bool_]:
         """Check in which of frames (f, 3, 4, n) the shapes of a pair surely do not touch (n,)."""

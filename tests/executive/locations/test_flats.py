@@ -40,6 +40,17 @@ def test_search_and_base_agree_that_a_doorway_is_too_narrow(seed: int, robot: st
             platform.drive.path(drawn.goal)
 
 
+def test_of_many_poses_those_have_a_way_that_have_one_each() -> None:
+    drawn = flat(1, (0.8, 0.8))
+    with ExitStack() as stack:
+        collisions = in_flat(stack, drawn, "amigo").scene.collisions
+        x_min, y_min, x_max, y_max = collisions.travelled().bounds
+        bases = np.random.default_rng(0).uniform((x_min, y_min, -3.0), (x_max, y_max, 3.0), (60, 3))
+        each = [collisions.has_way((x, y, yaw)) for x, y, yaw in bases.tolist()]
+        assert collisions.have_way(bases).tolist() == each
+        assert 0 < sum(each) < len(each)
+
+
 def test_search_counts_what_the_hand_holds() -> None:
     drawn = flat(3, (0.8, 0.8))
     with ExitStack() as stack:
