@@ -13,7 +13,7 @@ from executive.options.declaring import check_written
 from executive.runs.files import refuse
 from executive.runs.options import Outcome
 from executive.sweeps import Row
-from executive.sweeps.comparison import Comparison, comparison_of
+from executive.sweeps.comparison import Comparison, comparison_of, notes_on
 from executive.sweeps.files import Sweep, read_sweep
 from executive.sweeps.records import is_reached
 from executive.sweeps.table import causes, csv_text, shares, table
@@ -40,7 +40,7 @@ def _compared(arguments: SweepTableArguments, sweeps: Sequence[Sweep]) -> Answer
     comparison = comparison_of(sweeps)
     if arguments.csv is not None:
         write_csv(arguments.csv, comparison.rows)
-    problems = [one for sweep in sweeps for one in _incomplete(sweep)]
+    problems = [*notes_on(sweeps), *(one for sweep in sweeps for one in _incomplete(sweep))]
     return Answer(ExitCode.DONE, tuple(problems), str(comparison), comparison.as_json())
 
 

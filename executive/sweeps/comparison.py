@@ -10,7 +10,7 @@ from dataclasses import asdict
 from itertools import combinations
 from typing import Any
 
-from executive.sweeps.files import Sweep
+from executive.sweeps.files import Sweep, different_values
 from executive.sweeps.paired import (
     LEVEL,
     Counts,
@@ -24,6 +24,7 @@ from executive.sweeps.paired import (
 from executive.sweeps.records import Row, is_reached
 from executive.sweeps.table import wilson
 from planlang import notebooks
+from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.records import dataclass
 
 HEAD = ("variant", "worlds", "reached", "", "95 %", "plan time", "")
@@ -185,8 +186,23 @@ def comparison_of(sweeps: Sequence[Sweep]) -> Comparison:
         variants |= {own[name]: columns for name, columns in sweep.variants.items()} if own else {file: {}}
         for row in sweep.rows:
             name = own[row["variant"]] if own else file
-            rows.append({**row, "variant": name, "seed": row.get("seed", row["world"])})
+            rows.append({**row, "variant": name, "seed": row["seed"] if own else row["world"]})
     return Comparison.of(rows, variants)
+
+
+def notes_on(sweeps: Sequence[Sweep]) -> Iterator[Diagnostic]:
+    """Say how sweeps that are compared differ, and warn if they are not in the same environment."""
+    first = sweeps[0]
+    for other in sweeps[1:]:
+        found = different_values(other.header, first.header)
+        in_other = [text for name, text in found if "content of environment" in name]
+        if in_other and not (first.variants or other.variants):
+            message = f"{other.file} and {first.file} are in different environments: their worlds are not the same"
+            yield warning("C038", message, Span(other.file, 1))
+        if told := [text for _, text in found if text not in in_other]:
+            yield note("C039", f"it differs from {first.file}: {'; '.join(told)}", Span(other.file, 1))
+        elif not in_other:
+            yield note("C039", f"{other.file} and {first.file} are files of the same sweep", Span(other.file, 1))
 
 
 def _by_seed(row: Row) -> tuple[bool, Any]:

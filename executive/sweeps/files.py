@@ -142,10 +142,8 @@ def read_sweep(path: Path) -> Sweep:
             message = f"world {str(key)[:100]} is not part of the sweep, or has two lines"
             raise BadInput([error("C030", message, Span(str(path), number))])
         wrong = wrong_entry(row, _ROW)
-        if wrong is None and variants and row.get("variant") not in variants:
-            wrong = "it has no variant of the header"
-        if wrong is None and variants and not isinstance(row.get("seed"), int):
-            wrong = "seed has to be an integer"
+        if wrong is None and variants and not _is_of_variant(row, variants):
+            wrong = "it has no variant of the header, or another seed"
         if wrong is not None:
             raise BadInput([error("C030", f"this line of a sweep is damaged: {wrong}", Span(str(path), number))])
         rows[key] = row
@@ -154,7 +152,7 @@ def read_sweep(path: Path) -> Sweep:
 
 def differences(header: Header, other: Header) -> list[str]:
     """Describe how two sweeps differ; empty for shards of one sweep."""
-    texts = [f"{name} is {there!s:.200}, not {here!s:.200}" for name, there, here in _different_values(header, other)]
+    texts = [text for _, text in different_values(header, other)]
     if len(header["worlds"]) != len(other["worlds"]):
         texts.append(f"it has {len(header['worlds'])} worlds, not {len(other['worlds'])}")
     elif not texts and header["worlds_sha256"] != other["worlds_sha256"]:
@@ -162,14 +160,12 @@ def differences(header: Header, other: Header) -> list[str]:
     return texts
 
 
-def _different_values(header: Header, other: Header) -> Iterator[tuple[str, Any, Any]]:
-    for name in ("version", "job"):
-        if header[name] != other[name]:
-            yield name, header[name], other[name]
+def different_values(header: Header, other: Header) -> list[tuple[str, str]]:
+    """Names of what differs between two sweeps beside their worlds, each with a sentence."""
+    pairs = [(name, header[name], other[name]) for name in ("version", "job")]
     there, here = header["about"], other["about"]
-    for name in sorted({*there, *here}):
-        if there.get(name) != here.get(name):
-            yield name, there.get(name), here.get(name)
+    pairs += [(name, there.get(name), here.get(name)) for name in sorted({*there, *here})]
+    return [(name, f"{name} is {one!s:.200}, not {two!s:.200}") for name, one, two in pairs if one != two]
 
 
 def _resume(path: Path, descriptor: int, header: Header) -> Sweep:
@@ -224,6 +220,12 @@ def _is_header(header: Row) -> bool:
         and all(isinstance(key, int | str) for key in header["worlds"])
         and _are_variants(header["about"].get("variants", {}))
     )
+
+
+def _is_of_variant(row: Row, variants: Mapping[str, Any]) -> bool:
+    name, seed = row.get("variant"), row.get("seed")
+    is_known = isinstance(name, str) and name in variants and type(seed) is int
+    return is_known and row["world"] == f"{name} {seed}"
 
 
 def _are_variants(found: Any) -> bool:

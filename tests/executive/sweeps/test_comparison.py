@@ -8,7 +8,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from executive.sweeps.comparison import Comparison, comparison_of
+from executive.sweeps.comparison import Comparison, comparison_of, notes_on
 from executive.sweeps.files import Sweep
 
 A, B = "grip=old", "grip=new"
@@ -112,6 +112,21 @@ def test_sweeps_are_compared_by_their_files_and_rows_of_them_are_told_apart() ->
     assert (first.n11, first.n10, first.n01, first.n00, first.only_second) == (1, 1, 0, 1, (4,))
     assert same.differing == ()
     assert {row["variant"] for row in comparison.rows} == {"a.jsonl", "b.jsonl", "a.jsonl again"}
+
+
+def test_what_differs_between_sweeps_is_said_and_other_environments_are_warned_of() -> None:
+    def sweep(file: str, **about: str) -> Sweep:
+        return Sweep(file, {"about": about, "version": "1", "job": "x", "worlds": []}, ())
+
+    first = sweep("a", arguments="planlang run x", **{"content of environment": "1"})
+    same = sweep("b", arguments="planlang run x", **{"content of environment": "1"})
+    other = sweep("c", arguments="planlang run y", **{"content of environment": "2"})
+    told = [(one.severity.value, one.code, one.message) for one in notes_on([first, same, other])]
+    assert told == [
+        ("note", "C039", "b and a are files of the same sweep"),
+        ("warning", "C038", "c and a are in different environments: their worlds are not the same"),
+        ("note", "C039", "it differs from a: arguments is planlang run y, not planlang run x"),
+    ]
 
 
 def test_a_notebook_shows_tables_in_which_names_are_text() -> None:

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from executive.cli.app import app
 
-HEADER = {
+HEADER: dict[str, Any] = {
     "sweep": "written by planlang",
     "version": "0.1.0",
     "job": "executive.commands.swept_world:ended",
@@ -20,7 +20,7 @@ HEADER = {
     "worlds_sha256": "0" * 64,
     "worlds": [1, 2],
 }
-ROWS = [
+ROWS: list[dict[str, Any]] = [
     {"world": 1, "repeat": "planlang run x --seed 1", "outcome": "done", "failure": [], "message": "", "duration": 3.5},
     {
         "world": 2,
@@ -31,13 +31,15 @@ ROWS = [
         "reached": False,
     },
 ]
+VARIED = {**HEADER, "about": {"variants": {"a": {"b": "c"}}}, "worlds": ["a 1", "a 2"]}
+OF_VARIANTS = [{**row, "world": f"a {row['world']}", "variant": "a", "seed": row["world"], "b": "c"} for row in ROWS]
 ODD: list[Any] = [None, True, -1, 10**400, "x", [1], {"a": 1}]
 
 
+@pytest.mark.parametrize("sound", [[HEADER, *ROWS], [VARIED, *OF_VARIANTS]], ids=["plain", "variants"])
 @pytest.mark.parametrize("line", [0, 1, 2])
-def test_any_entry_may_have_another_type_or_be_missing(line: int, tmp_path: Path) -> None:
+def test_any_entry_may_have_another_type_or_be_missing(line: int, sound: list[dict[str, Any]], tmp_path: Path) -> None:
     path = tmp_path / "sweep.jsonl"
-    sound = [HEADER, *ROWS]
     for key in sound[line]:
         changes = [{**sound[line], key: odd} for odd in ODD]
         changes.append({name: value for name, value in sound[line].items() if name != key})
@@ -45,6 +47,7 @@ def test_any_entry_may_have_another_type_or_be_missing(line: int, tmp_path: Path
             path.write_text("".join(json.dumps(one) + "\n" for one in (*sound[:line], changed, *sound[line + 1 :])))
             for words in (
                 ("sweep-table", path, "--csv", tmp_path / "a.csv", "--force"),
+                ("sweep-table", path, path),
                 ("sweep-merge", path, "--out", tmp_path / "b.jsonl", "--force"),
             ):
                 done = CliRunner().invoke(app, [str(word) for word in words], prog_name="planlang")
