@@ -171,7 +171,7 @@ def _again(options: SweepOptions, part: _Part) -> Call | None:
     """Return the call that runs the rest of a sweep; None if nothing of it is kept."""
     if options.output is None:
         return None
-    values = {**dict(stated(options, SweepOptions)), "output": options.output, "csv": options.csv}
+    values = {**dict(stated(options, SweepOptions)), "output": options.output, "csv": options.csv}  # files are shown
     texts: dict[str, object] = {
         "vary": [f"{name}={text}" for name, each in (options.vary or {}).items() for text in _texts(each)],
         "shard": None if options.shard is None else "/".join(map(str, options.shard)),
@@ -180,7 +180,7 @@ def _again(options: SweepOptions, part: _Part) -> Call | None:
     if all(isinstance(words, list) for words in (options.variant or {}).values()):  # as the command line has them
         texts["variant"] = [f"{name}: {shlex.join(words)}" for name, words in (options.variant or {}).items()]
     values |= {name: text for name, text in texts.items() if name in values}
-    return calling("sweep", part.named, **values, reports=options.reports)
+    return calling("sweep", part.named, **values)
 
 
 def _texts(values: Sequence[Any]) -> list[str]:

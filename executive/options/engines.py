@@ -12,7 +12,8 @@ LOCAL, DASK = "local", "dask"
 """Worker processes of this one; a cluster of dask.distributed with one worker, started for the sweep."""
 _ADDRESS = re.compile(r"(?:tcp|tls)://[^\s/:@]+(?::\d{1,5}|)|(?:tcp|tls)://\[[0-9a-fA-F:.]+\](?::\d{1,5}|)")
 """Address of a scheduler, with a host, an IPv4 address, or an IPv6 address in brackets."""
-_SECONDS = re.compile(r"(\d+(?:\.\d+)?)\s*s?")
+_TIME = re.compile(r"(\d+(?:\.\d+)?)\s*(s|min|h|)")
+_UNITS = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
 def engine(given: Any) -> str:
@@ -23,8 +24,8 @@ def engine(given: Any) -> str:
 
 
 def seconds(given: Any) -> float:
-    """Read a time: a number, or a text such as 300s [s]. Raises WrongOption."""
-    match = _SECONDS.fullmatch(str(given))
+    """Read a time: a number, or a text such as 300s, 5min or 8h [s]. Raises WrongOption."""
+    match = _TIME.fullmatch(str(given))
     if match is None:
         raise WrongOption(f"{given!r} is no time; write for example ", Option("cluster_wait", "300s"))
-    return float(match[1])
+    return float(match[1]) * _UNITS[match[2]]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import sys
 import tempfile
 import threading
@@ -18,7 +19,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 from uuid import uuid4
 
 from distributed import Worker as DaskWorker
@@ -166,9 +166,11 @@ def forget(token: str) -> None:
         sweep.close()
 
 
-def done(token: str, world: dict[str, Any]) -> Done | tuple[Diagnostic, ...]:
-    """Run a world of a sweep; returns its row, or why the job refuses its input."""
+def done(token: str, world: bytes) -> Done | Lacks | tuple[Diagnostic, ...]:
+    """Run a pickled world of a sweep; returns its row, what the job refuses, or that the sweep is unknown."""
+    if (sweep := _sweeps.get(token)) is None:
+        return Lacks()
     try:
-        return _sweeps[token].done(world)
+        return sweep.done(pickle.loads(world))
     except BadInput as problem:
         return tuple(problem.diagnostics)

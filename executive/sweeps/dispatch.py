@@ -8,6 +8,7 @@ worker, and has a key of its own for each attempt.
 from __future__ import annotations
 
 import asyncio
+import pickle
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Coroutine, Iterator, Sequence
@@ -21,7 +22,7 @@ from distributed import Client, Future
 
 from executive.processes.workers import ATTEMPTS
 from executive.sweeps import cluster_worker
-from executive.sweeps.cluster_worker import Setup
+from executive.sweeps.cluster_worker import Lacks, Setup
 from executive.sweeps.local_cluster import quiet
 from executive.sweeps.records import Done, Task, World
 from executive.sweeps.supervised import LOST, crashed
@@ -56,6 +57,8 @@ class _Place:
         self.is_gone = False
         self.is_reserved = False
         """True if it gets only single worlds that may have killed workers."""
+        self.is_doubtful = False
+        """True if a world failed on it, until the next look at which workers there are."""
 
 
 class Dispatcher:
@@ -69,13 +72,15 @@ class Dispatcher:
         self._deaths: Counter[Any] = Counter()
         """Workers that died, by world that they had."""
         self._places: dict[str, _Place] = {}
-        self._joining: dict[str, asyncio.Task[None]] = {}
+        self._joining: set[str] = set()
         self._refused: dict[str, str] = {}
-        """Workers with another planlang, and which."""
-        self._worlds: set[asyncio.Task[None]] = set()
+        """Workers that cannot be used, and why."""
+        self._failures: Counter[str] = Counter()
+        """Attempts to prepare a worker that failed."""
+        self._works: set[asyncio.Task[None]] = set()
         self._last_worker = time.monotonic()
         """When there last was a worker."""
-        self._awake = asyncio.Event()
+        self._awake, self._next_look = asyncio.Event(), asyncio.Event()
         self._address = ""
         self._current: asyncio.Task[None] | None = None
         self._is_unconnected = False
@@ -87,10 +92,8 @@ class Dispatcher:
         self._address = address
         timeout = min(CONNECTED_WITHIN, max(self._task.cluster_wait, 0.1))
         with quiet():
-            while self._left:
-                client = Client(
-                    address, asynchronous=True, timeout=timeout, set_as_default=False, direct_to_workers=False
-                )
+            while self._left > 0:
+                client = _client(address, timeout)
                 try:
                     await self._until_stopped(self._connected(client))
                 finally:
@@ -113,6 +116,8 @@ class Dispatcher:
         """Connect to the scheduler and run worlds while it is there."""
         try:
             await client
+        except (TypeError, ImportError) as problem:  # no certificates, or a scheduler of another time
+            raise _unusable(self._address, problem) from None
         except OSError:
             if not self._is_unconnected:
                 self._is_unconnected = True
@@ -125,7 +130,7 @@ class Dispatcher:
     async def _session(self, client: Client) -> None:
         """Send worlds while the scheduler is there."""
         self._places.clear()
-        while self._left:
+        while self._left > 0:
             self._awake.clear()
             with suppress(OSError):  # the status below says whether the scheduler is gone
                 await self._look(client)
@@ -144,53 +149,60 @@ class Dispatcher:
             place = self._places.pop(address)
             place.is_gone = True
             if place.running:
-                self._report(f"worker {place.name} died: its {_number(place.running)} run again")
+                self._report(f"worker {place.name} died; to run again: {_number(place.running)}")
             await client.cancel(list(place.running), force=True)
+        for place in self._places.values():
+            place.is_doubtful = False
+        self._next_look.set()
+        self._next_look = asyncio.Event()
         for address, slots in threads.items():
             if not (address in self._places or address in self._joining or address in self._refused):
-                self._joining[address] = asyncio.create_task(self._join(client, _Place(address, slots)))
+                self._joining.add(address)
+                self._start(self._join(client, _Place(address, slots)))
         if self._places:
             self._last_worker = time.monotonic()
         elif threads and set(threads) <= set(self._refused):
-            others = ", ".join(sorted({self._refused[address] for address in threads}))
-            advice = "install the planlang of this machine on the workers, and start them again"
-            raise BadInput([error("C037", f"all workers have {others}, not {self._own()}", help=advice)])
+            why = "; ".join(sorted({self._refused[address] for address in threads}))
+            advice = f"install {self._own()} on the workers, as on this machine, and start them again"
+            raise BadInput([error("C037", f"no worker can be used: each {why}", help=advice)])
 
     async def _join(self, client: Client, place: _Place) -> None:
         """Prepare a worker for the sweep: check its planlang, send it the files that it lacks."""
         try:
-            if (other := await self._other_planlang(client, place)) is not None:
-                self._refused[place.address] = other
-                self._report(f"worker {place.name} has {other}, not {self._own()}: it gets no world")
-            else:
-                self._places[place.address] = place
-                self._is_unconnected = False
-                self._fill(client)
-        except OSError:
-            pass  # it died, or will be asked again
-        except Exception as problem:
-            self._end(problem)
+            why = await self._unusable(client, place.address)
+        except Exception as problem:  # it died meanwhile, or has no room for files
+            self._failures[place.address] += 1
+            why = f"cannot be prepared: {problem}"
+            if self._failures[place.address] < ATTEMPTS:
+                return
         finally:
-            del self._joining[place.address]
+            self._joining.discard(place.address)
             self._awake.set()
+        if why is None:
+            self._places[place.address] = place
+            self._is_unconnected = False
+            self._fill(client)
+        else:
+            self._refused[place.address] = why
+            self._report(f"worker {place.name} gets no world: it {why}")
 
-    async def _other_planlang(self, client: Client, place: _Place) -> str | None:
-        """Prepare a worker; returns which planlang it has, if that is another one."""
-        workers = [place.address]
-        message = {"op": "versions", "packages": ["planlang"]}
-        found = await client.scheduler.broadcast(msg=message, workers=workers)
-        theirs = found[place.address]["packages"]["planlang"]
+    async def _unusable(self, client: Client, address: str) -> str | None:
+        """Prepare a worker; returns why that is not possible. Raises any exception if the worker or its disk fails."""
+        found = await client.scheduler.broadcast(msg={"op": "versions", "packages": ["planlang"]}, workers=[address])
+        theirs = found[address]["packages"]["planlang"]
+        if theirs is None:
+            return "has no planlang"
         if theirs != version("planlang"):
-            return "no planlang" if theirs is None else f"planlang {theirs}"
+            return f"has planlang {theirs}, not {self._own()}"
         while True:
-            reply = await client.run(cluster_worker.accept, self._setup, workers=workers)
-            lacks = reply[place.address]
+            lacks = (await client.run(cluster_worker.accept, self._setup, workers=[address]))[address]
             if lacks is None:
                 return None
             if lacks.program:
-                return f"planlang {theirs} with other content ({lacks.program[:SHOWN]})"
+                return f"has planlang {theirs} ({lacks.program[:SHOWN]}), not {self._own()}"
             for batch in self._batches(lacks.contents):
-                await client.run(cluster_worker.take, batch, workers=workers)
+                await client.run(cluster_worker.take, batch, workers=[address])
+                self._last_worker = time.monotonic()
 
     def _own(self) -> str:
         return f"planlang {version('planlang')} ({self._setup.program[:SHOWN]})"
@@ -212,7 +224,7 @@ class Dispatcher:
         """Send worlds to free slots, and one more to each worker for when the first slot is free again."""
         if client.status != "running":
             return
-        places = list(self._places.values())
+        places = [one for one in self._places.values() if not one.is_doubtful]
         if self._suspects and places and not any(one.is_reserved for one in places):
             places[0].is_reserved = True
         for place in places:
@@ -232,41 +244,72 @@ class Dispatcher:
         future = client.submit(
             cluster_worker.done,
             self._setup.token,
-            dict(world),
+            pickle.dumps(dict(world)),  # of which dask looks at no part
             key=("planlang-world", client.id, key, self._attempts[key]),
             workers=[place.address],
             allow_other_workers=False,
             retries=0,
         )
         place.running[future] = world
-        work = asyncio.create_task(self._result(client, place, future, world))
-        self._worlds.add(work)
-        work.add_done_callback(self._worlds.discard)
+        self._start(self._result(client, place, future, world))
+
+    def _start(self, work: Coroutine[Any, Any, None]) -> None:
+        """Start a piece of work; an exception in it ends the sweep."""
+
+        def ended(task: asyncio.Task[None]) -> None:
+            self._works.discard(task)
+            if not task.cancelled() and (problem := task.exception()) is not None:
+                self._end(problem)
+
+        task = asyncio.create_task(work)
+        self._works.add(task)
+        task.add_done_callback(ended)
 
     async def _result(self, client: Client, place: _Place, future: Future[Any], world: World) -> None:
         """Wait for a world; it runs again if its worker, or the scheduler, is lost."""
         try:
-            done = await future
-        except Exception as problem:
-            if getattr(problem, "reason", None) == "scheduler-connection-lost":
-                self._say_gone()
-            self._lost(place, world, died=place.is_gone or future.status == "error", problem=problem)
-        else:
-            if isinstance(done, Done):
-                self._finish(replace(done, worker=place.name))
-            else:
-                self._end(BadInput(done))
+            await self._ended(client, place, future, world)
+        except asyncio.CancelledError:  # the client leaves
+            self._waiting.appendleft(world)
+            raise
         finally:
             place.running.pop(future, None)
             future.release()
         self._fill(client)
 
-    def _lost(self, place: _Place, world: World, *, died: bool, problem: Exception) -> None:
+    async def _ended(self, client: Client, place: _Place, future: Future[Any], world: World) -> None:
+        try:
+            done = await future
+        except Exception as problem:
+            if getattr(problem, "reason", None) == "scheduler-connection-lost":
+                self._say_gone()
+            place.is_doubtful = True
+            self._lost(world, died=place.is_gone or future.status == "error", why=problem)
+            return
+        match done:
+            case Done() if done.row.get("failure") == [LOST] and await self._dies(place):
+                self._lost(world, died=True, why=done.row["message"])
+            case Done():
+                self._finish(replace(done, worker=place.name))
+            case Lacks():  # it has forgotten the sweep for another one
+                with suppress(Exception):
+                    await self._unusable(client, place.address)
+                self._waiting.appendleft(world)
+            case diagnostics:
+                self._end(BadInput(diagnostics))
+
+    async def _dies(self, place: _Place) -> bool:
+        """Wait for the next look; returns whether a worker died with the process of a world, as when a job ends."""
+        look = self._next_look
+        await look.wait()
+        return place.is_gone
+
+    def _lost(self, world: World, *, died: bool, why: object) -> None:
         """Let a world run again, unless too many workers died while they ran nothing else."""
         key = world["world"]
         self._deaths[key] += died
         if self._deaths[key] >= SUSPECT + ATTEMPTS:
-            message = f"{ATTEMPTS} workers in a row died, or failed, that ran nothing else: {problem}"
+            message = f"{ATTEMPTS} workers in a row died, or failed, that ran nothing else: {why}"
             self._finish(crashed(world, LOST, message))
         elif self._deaths[key] >= SUSPECT:
             self._suspects.append(world)
@@ -276,7 +319,7 @@ class Dispatcher:
     def _finish(self, done: Done) -> None:
         self._left -= 1
         self._report(done)
-        if not self._left:
+        if self._left <= 0:
             self._awake.set()
 
     def _end(self, problem: BaseException) -> None:
@@ -291,6 +334,7 @@ class Dispatcher:
         """Say once that the scheduler is gone; another one knows none of the workers."""
         if not self._is_unconnected:
             self._is_unconnected = True
+            self._places.clear()  # or their worlds would count as lost with them
             self._say_waiting(f"the scheduler {self._address} is gone")
 
     def _say_waiting(self, what: str) -> None:
@@ -310,8 +354,6 @@ class Dispatcher:
 
     async def _leave(self, client: Client) -> None:
         """End the processes of the sweep on all workers, and disconnect."""
-        for joining in list(self._joining.values()):
-            joining.cancel()
         with suppress(Exception):
             async with asyncio.timeout(CLOSED_WITHIN):
                 if client.status == "running" and self._places:
@@ -319,10 +361,25 @@ class Dispatcher:
         with suppress(Exception):
             async with asyncio.timeout(CLOSED_WITHIN):
                 await client.close()
-        for one in list(self._worlds):
+        works = list(self._works)
+        for one in works:
             one.cancel()
-        await asyncio.gather(*self._worlds, *self._joining.values(), return_exceptions=True)
+        await asyncio.gather(*works, return_exceptions=True)
 
 
 def _number(worlds: Sequence[object] | dict[Any, Any]) -> str:
     return f"{len(worlds)} world" + "s" * (len(worlds) != 1)
+
+
+def _client(address: str, timeout: float) -> Client:
+    """Make a client, which is not connected yet. Raises BadInput if the certificates of dask cannot be read."""
+    try:
+        return Client(address, asynchronous=True, timeout=timeout, set_as_default=False, direct_to_workers=False)
+    except (OSError, ValueError, TypeError) as problem:
+        raise _unusable(address, problem) from None
+
+
+def _unusable(address: str, problem: Exception) -> BadInput:
+    tls = "state ca-file, client.cert and client.key under distributed.comm.tls in the configuration of dask"
+    advice = tls if address.startswith("tls:") else "install the same version of distributed here and there"
+    return BadInput([error("C036", f"the scheduler {address} cannot be used: {problem}", help=advice)])

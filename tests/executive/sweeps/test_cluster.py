@@ -12,10 +12,10 @@ from typing import Any
 
 import dask
 import pytest
-from distributed import LocalCluster
+from distributed import KilledWorker, LocalCluster, Security
 
 from executive.processes.workers import Limits
-from executive.sweeps import run
+from executive.sweeps import cluster_worker, run
 from executive.sweeps.files import read_sweep
 from executive.sweeps.records import Done
 from tests.support.refusals import refusal
@@ -27,7 +27,7 @@ SETTINGS = {"distributed.worker.profile.enabled": False, "distributed.admin.syst
 
 
 @contextmanager
-def cluster(workers: int = 1, slots: int = 2, port: int = 0) -> Iterator[LocalCluster]:
+def cluster(workers: int = 1, slots: int = 2, port: int = 0, **more: Any) -> Iterator[LocalCluster]:
     """A scheduler and workers in this process, which a sweep reaches by the network."""
     with (
         dask.config.set(SETTINGS),
@@ -36,10 +36,10 @@ def cluster(workers: int = 1, slots: int = 2, port: int = 0) -> Iterator[LocalCl
             threads_per_worker=slots,
             processes=False,
             scheduler_port=port,
-            protocol="tcp://",
             dashboard_address="127.0.0.1:0",
             worker_dashboard_address="127.0.0.1:0",
             memory_limit=0,
+            **{"protocol": "tcp://", **more},
         ) as made,
     ):
         yield made
@@ -130,8 +130,8 @@ def test_pages_that_worlds_write_on_a_worker_are_written_on_the_client(tmp_path:
 @pytest.mark.parametrize(
     ("what", "value", "said"),
     [
-        ("executive.sweeps.dispatch.version", lambda name: "9.9", "all workers have planlang 0.1.0, not planlang 9.9"),
-        ("executive.sweeps.cluster.program", lambda: "1234567890", "with other content"),
+        ("executive.sweeps.dispatch.version", lambda name: "9.9", "each has planlang 0.1.0, not planlang 9.9"),
+        ("executive.sweeps.cluster.program", lambda: "1234567890", "not planlang 0.1.0 (12345678)"),
     ],
 )
 def test_workers_with_another_planlang_are_refused(
@@ -152,7 +152,7 @@ def test_worlds_of_a_worker_that_dies_run_again_on_another_one() -> None:
 
         rows = run(numbered(40), SQUARE, made.scheduler_address, told=told, say=lines.append)
     assert [row["square"] for row in rows] == [number**2 for number in range(1, 41)]
-    assert [line.partition("died: its ")[2] for line in lines] == ["3 worlds run again"]
+    assert [line.partition("died; ")[2] for line in lines] == ["to run again: 3 worlds"]
 
 
 def test_a_sweep_goes_on_when_its_scheduler_is_started_again() -> None:
@@ -210,3 +210,40 @@ def test_a_program_without_a_guard_for_its_main_part_runs_a_sweep_once(tmp_path:
     environment = {**os.environ, "PYTHONPATH": str(TOP)}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert (done.stdout, done.stderr) == ("2\n", "")
+
+
+def test_tls_uses_the_certificates_in_the_configuration_of_dask() -> None:
+    made = Security.temporary()
+    names = {"ca-file": made.tls_ca_file, "client.cert": made.tls_client_cert, "client.key": made.tls_client_key}
+    with cluster(security=made, protocol="tls://") as own:
+        with refusal("C036", naming="cannot be used"):
+            run(numbered(2), SQUARE, own.scheduler_address)
+        with dask.config.set({f"distributed.comm.tls.{name}": value for name, value in names.items()}):
+            assert len(run(numbered(2), SQUARE, own.scheduler_address)) == 2
+
+
+def test_worlds_that_kill_their_workers_run_alone_and_cost_only_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
+    finished = cluster_worker._Sweep.done
+
+    def dies(sweep: Any, world: Any) -> Done:
+        if world["world"] == 3:
+            raise KilledWorker("world 3", None, 1)
+        return finished(sweep, world)
+
+    monkeypatch.setattr(cluster_worker._Sweep, "done", dies)
+    with cluster() as made:
+        rows = run(numbered(8), SQUARE, made.scheduler_address)
+    assert [row["world"] for row in rows if row["outcome"] == "crashed"] == [3]
+    assert rows[2]["failure"] == ["ProcessEnded"]
+    assert rows[2]["message"].startswith("2 workers in a row died, or failed, that ran nothing else: ")
+
+
+def test_a_worker_that_has_forgotten_a_sweep_is_prepared_again() -> None:
+    with cluster() as made, ExitStack() as forgotten:
+
+        def told(done: Done) -> None:
+            for token in list(cluster_worker._sweeps):
+                forgotten.callback(cluster_worker._sweeps.pop(token).close)
+
+        rows = run(numbered(6), SQUARE, made.scheduler_address, told=told)
+    assert [row["square"] for row in rows] == [1, 4, 9, 16, 25, 36]
