@@ -4,7 +4,8 @@
 # make mutants the kernel broken on purpose, and what notices            make coverage   branches that no test takes
 # make bench   measurements            make seeds   the bundled recipe in 30 worlds that are not as the map says
 # make homes   everyday tasks in homes drawn at random, by four robots, with the table of docs/reference/homes.md: three hours
-#              SERIES=acceptance for the homes that follow from the commit; a series that was stopped goes on
+#              SERIES=acceptance for the homes that follow from the commit; a series that was stopped goes on;
+#              ON=tcp://host:8786 on a cluster, whose workers have this checkout
 # make maps    the reachability maps of the bundled robots, after a change of their URDF or of how maps are made
 # make processors   the bundled recipe as other processors would run it, ten seeds: the same decisions
 # make docs    the documentation as pages in build/docs/VERSION; fails on a link that leads nowhere
@@ -118,7 +119,7 @@ $(VENV)/.bench-stamp: $(VENV)/.dev-stamp
 
 bench: $(VENV)/.bench-stamp
 	@set -e; for benchmark in tests/benchmarks/*.py; do \
-	    case "$$benchmark" in */seeds.py|*/processors.py|*/doors.py|*/faults.py|*/large_maps.py|*/equal_bytes.py|*/dead_hand.py|*/second_body.py|*/walks.py) continue;; esac; \
+	    case "$$benchmark" in */seeds.py|*/processors.py|*/doors.py|*/faults.py|*/large_maps.py|*/equal_bytes.py|*/cluster.py|*/dead_hand.py|*/second_body.py|*/walks.py) continue;; esac; \
 	    echo "== $$benchmark"; $(BIN)/python "$$benchmark"; \
 	done
 	@echo "== paths of an arm"; $(BIN)/python -m tests.benchmarks.paths
@@ -157,8 +158,9 @@ processors: $(VENV)/.dev-stamp
 	$(BIN)/python tests/benchmarks/processors.py
 
 SERIES ?= development
+ON ?= local
 homes: $(VENV)/.pr2-stamp
-	$(BIN)/python -m tests.benchmarks.homes series $(SERIES) --jobs $(JOBS) --docs docs/reference/homes.md
+	$(BIN)/python -m tests.benchmarks.homes series $(SERIES) --jobs $(JOBS) --on $(ON) --docs docs/reference/homes.md
 
 fuzz: $(VENV)/.dev-stamp
 	$(BIN)/python tests/fuzz/run.py --seconds $(FUZZ_SECONDS) --seed $(FUZZ_SEED) --jobs $(JOBS)

@@ -27,7 +27,16 @@ LONG = (
     "README.md",
     *(
         f"docs/guides/{name}.md"
-        for name in ("ci", "compiling", "cooking", "debugging_a_failed_run", "knowledge", "library_use", "modules")
+        for name in (
+            "ci",
+            "cluster",
+            "compiling",
+            "cooking",
+            "debugging_a_failed_run",
+            "knowledge",
+            "library_use",
+            "modules",
+        )
     ),
     *(
         f"docs/guides/{name}.md"

@@ -17,8 +17,10 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from executive.maps import read_map, scene_of
+from executive.options.engines import seconds
 from executive.processes.workers import Limits
 from executive.sweeps import Row
 from executive.sweeps import run as sweep
@@ -59,14 +61,14 @@ def main(words: Sequence[str] | None = None) -> int:
         if name == "run":
             one.add_argument("--displaced", action="store_true", help="the seed displaces the world, the map stays")
             one.add_argument("--witness", choices=("all", "failed", "none"), default="failed")
-            one.add_argument("--jobs", type=int, default=None, help="processes; as many as cores by default")
+            _add_engine(one)
             one.add_argument("--out", type=Path, help="a file of rows, which is gone on with")
     one = commands.add_parser("series", help="a whole series, in homes as their maps say and displaced")
     one.add_argument("series", choices=("development", "acceptance"))
     one.add_argument("--robots", default=",".join(ROBOTS))
     one.add_argument("--tasks", type=int, default=TASKS, help="for each template and robot")
     one.add_argument("--displaced", type=int, default=DISPLACED, help="of them displaced, for robots with a camera")
-    one.add_argument("--jobs", type=int, default=None)
+    _add_engine(one)
     one.add_argument("--docs", type=Path, help="write the table into this page")
     one = commands.add_parser("table")
     one.add_argument("rows", type=Path, nargs="+")
@@ -74,7 +76,7 @@ def main(words: Sequence[str] | None = None) -> int:
     one = commands.add_parser("certify", help="ask the witness of tasks that were reached, drawn by lot")
     one.add_argument("rows", type=Path, nargs="+")
     one.add_argument("--number", type=int, default=CERTIFIED)
-    one.add_argument("--jobs", type=int, default=None)
+    _add_engine(one)
     one.add_argument("--out", type=Path, help="a file of answers, which is gone on with")
     words = sys.argv[1:] if words is None else words
     given = parser.parse_args(["run", *words] if words[:1] and words[0].startswith("--") else words)
@@ -85,6 +87,19 @@ def main(words: Sequence[str] | None = None) -> int:
         return 2
 
 
+def _add_engine(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--jobs", type=int, default=None, help="processes; as many as cores by default")
+    command.add_argument(
+        "--on", default="local", help="local, dask, or the address of a scheduler, as of planlang sweep"
+    )
+    command.add_argument("--cluster-wait", default="300s", help="give up after this time without a worker")
+
+
+def _engine(given: argparse.Namespace) -> dict[str, Any]:
+    """Where worlds run, for a sweep. Raises BadInput."""
+    return {"on": given.on, "processes": given.jobs, "cluster_wait": seconds(given.cluster_wait), "say": print}
+
+
 def _cases(given: argparse.Namespace) -> list[Case]:
     wanted = given.templates.split(",") if given.templates else sorted(TEMPLATES)
     names = [one for one in sorted(TEMPLATES) if one in wanted or module_of(one) in wanted]
@@ -93,7 +108,7 @@ def _cases(given: argparse.Namespace) -> list[Case]:
 
 
 def _run(given: argparse.Namespace) -> int:
-    rows = _swept(_cases(given), given.witness, given.jobs, given.out, {"series": "development"})
+    rows = _swept(_cases(given), given.witness, given, given.out, {"series": "development"})
     print("\n".join(tables(rows)))
     return 0
 
@@ -109,13 +124,13 @@ def _series(given: argparse.Namespace) -> int:
         count = min(given.displaced, given.tasks) if displaced else given.tasks
         cases = list(series.cases(seeds[:count], sorted(TEMPLATES), robots, displaced))
         file = MADE / f"{given.series}-{commit[:12]}{'-displaced' if displaced else ''}.jsonl"
-        _swept(cases, "failed", given.jobs, file, {"series": given.series, "commit": commit})
+        _swept(cases, "failed", given, file, {"series": given.series, "commit": commit})
     given.rows = sorted(MADE.glob(f"*-{commit[:12]}*.jsonl"))
     return _table(given)
 
 
 def _swept(
-    cases: Sequence[Case], witnessed: str, jobs: int | None, out: Path | None, about: Mapping[str, str]
+    cases: Sequence[Case], witnessed: str, given: argparse.Namespace, out: Path | None, about: Mapping[str, str]
 ) -> list[Row]:
     """Run tasks in supervised processes; return their rows."""
     for robot in {case.robot for case in cases}:
@@ -123,7 +138,8 @@ def _swept(
     told = _Progress(len(cases))
     worlds = [case.world | {"witnessed": witnessed} for case in cases]
     job = "tests.benchmarks.homes.trial:job"
-    return sweep(worlds, job, processes=jobs, limits=LIMITS, out=out, about=about, told=told, resumed=told.resumed)
+    engine = _engine(given)
+    return sweep(worlds, job, **engine, limits=LIMITS, out=out, about=about, told=told, resumed=told.resumed)
 
 
 class _Progress:
@@ -161,7 +177,7 @@ def _certify(given: argparse.Namespace) -> int:
     drawn = series.by_lot([row for file in given.rows for row in read_sweep(file).rows], given.number)
     worlds = [{key: row[key] for key in ("world", "repeat", "template", "seed", "robot")} for row in drawn]
     job = "tests.benchmarks.homes.trial:certify"
-    rows = sweep(worlds, job, processes=given.jobs, limits=LIMITS, out=given.out)
+    rows = sweep(worlds, job, **_engine(given), limits=LIMITS, out=given.out)
     for answer in Answer:
         asked = [row for row in rows if row["outcome"] == answer.value]
         print(f"{answer.value:10} {len(asked):4} of {len(rows)}")
