@@ -34,12 +34,11 @@ def cluster(workers: int = 1, slots: int = 2, port: int = 0, **more: Any) -> Ite
         LocalCluster(
             n_workers=workers,
             threads_per_worker=slots,
-            processes=False,
             scheduler_port=port,
             dashboard_address="127.0.0.1:0",
             worker_dashboard_address="127.0.0.1:0",
             memory_limit=0,
-            **{"protocol": "tcp://", **more},
+            **{"processes": False, "protocol": "tcp://", **more},
         ) as made,
     ):
         yield made
@@ -119,6 +118,21 @@ def test_files_travel_by_content_and_rows_have_the_paths_of_the_client(
         assert here[0]["message"] == f"{tmp_path}/real/room was read"
 
 
+def test_a_worker_that_joins_later_gets_the_files_too(tmp_path: Path) -> None:
+    (tmp_path / "home").write_text("home")
+    workers = set()
+    with cluster() as made:
+
+        def told(done: Done) -> None:
+            workers.add(done.worker)
+            if len(workers) == len(made.scheduler.workers) == 1:
+                made.scale(2)
+
+        rows = run(numbered(200, file=str(tmp_path / "home")), READING, made.scheduler_address, told=told)
+    assert [row["content"] for row in rows] == ["home"] * 200
+    assert len(workers) == 2
+
+
 def test_pages_that_worlds_write_on_a_worker_are_written_on_the_client(tmp_path: Path) -> None:
     (tmp_path / "home").write_text("home")
     worlds = [one | {"report": str(tmp_path / "pages" / f"{one['world']}.html")} for one in numbered(2)]
@@ -195,6 +209,12 @@ def test_what_happens_to_a_process_costs_its_world_only_on_a_cluster_as_on_one_m
     assert [row["failure"] for row in rows if row["outcome"] == "crashed"] == [
         ["ProcessEnded"], ["OutOfTime"], ["OutOfMemory"], ["ZeroDivisionError"], ["TypeError"]
     ]  # fmt: skip
+
+
+@pytest.mark.long
+def test_workers_of_nannies_which_are_daemonic_run_worlds_in_processes() -> None:
+    with cluster(processes=True) as made:
+        assert len(run(numbered(3), SQUARE, made.scheduler_address)) == 3
 
 
 PROGRAM = """
