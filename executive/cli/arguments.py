@@ -164,7 +164,7 @@ class ReportArguments(SituationSettings, Arguments):
 class WhyArguments(WhyOptions, Arguments):
     """Find the smallest change after which a failed run reaches its goal, by running the plan again with changes.
 
-    Tries what the failure advises, then single changes of the run, the map and the robot, then pairs, cheapest first.
+    Tries what the failure advises, then single changes of the run, the map and the robot, then pairs, small ones first.
     Name plan, robot and environment unless they are bundled. Exit code 1: no change was found that helps.
     """
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from executive.options.declaring import made
 from executive.options.running import RunSettings
+from executive.runs.assembled import read_files_of
 from executive.runs.options import Outcome, RunOptions
 from executive.runs.plan_run import run_plan_file
 from executive.runs.prepared import Inputs
@@ -39,15 +39,6 @@ def ended(world: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-class _Assembled(Exception):
-    """The run is assembled, and all its files have been read."""
-
-
 def assembled(world: Mapping[str, Any]) -> None:
     """Read the files of a world as its run does, and do not run it. Raises BadInput."""
-
-    def stop(executive: object) -> None:
-        raise _Assembled
-
-    with suppress(_Assembled):
-        run_plan_file(replace(RunOptions.of(made(RunSettings, world["options"])), around=stop))
+    read_files_of(RunOptions.of(made(RunSettings, world["options"])))

@@ -410,6 +410,8 @@ class WhyOptions(SituationSettings):
         int | None,
         option(least=1, most=1000, metavar="N", help="Number of reruns in parallel; default: one per core."),
     ] = None
+    on: On = LOCAL
+    cluster_wait: ClusterWait = 300.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -29,6 +29,8 @@ ORDERS = (1, 2, 3)
 """Schedules in which steps whose order is open are run."""
 MOST_NAMED = 4
 """Number of things that a failure names and that are moved."""
+UNRELATED = 1_000_000
+"""Rank of what the failure does not name."""
 MOST_SINGLE = 80
 """Number of single changes."""
 OPENING, CLOSING = "OpeningAContainerArtifact", "ClosingAContainerArtifact"
@@ -59,8 +61,8 @@ class Candidate:
     kind: str
     """What is changed, for counts: "advice", "arm", "thing moved", ..."""
     cost: float
-    parts: tuple[str, ...] = field(default=())
-    """Kinds of the single changes of a pair."""
+    smaller: tuple[Candidate, ...] = field(default=(), compare=False)
+    """The same move by less, the least first: tried once this one helps."""
 
 
 def advised(situation: Situation) -> list[Candidate]:
@@ -75,19 +77,37 @@ def advised(situation: Situation) -> list[Candidate]:
 
 
 def singles(situation: Situation) -> list[Candidate]:
-    """List the single changes, cheapest first, at most :data:`MOST_SINGLE`; those of named things before others."""
-    found: dict[frozenset[Change], tuple[float, int, Candidate]] = {}
-    for rank, kind, changes in _Generator(situation).all():
-        candidate = Candidate(changes, kind, cost_of(changes, situation.scene))
-        found.setdefault(frozenset(changes), (round(candidate.cost, 6), rank, candidate))
-    ordered = sorted(found.values(), key=lambda one: one[:2])
-    return [candidate for _, _, candidate in ordered][:MOST_SINGLE]
+    """List the single changes, at most :data:`MOST_SINGLE` with the smaller moves that they have.
+
+    Those that can touch the reason of the failure come first, the cheapest of these first, then those of named things.
+    Of moves to one side the farthest stands for all: it counts as much as the shortest.
+    """
+    found = list[tuple[tuple[bool, float, int], Candidate]]()
+    for rank, kind, moves in _Generator(situation).all():
+        *shorter, farthest = (Candidate(changes, kind, cost_of(changes, situation.scene)) for changes in moves)
+        least = shorter[0].cost if shorter else farthest.cost
+        is_unlikely = rank == UNRELATED or _hardly_touches(kind, situation.evidence)
+        key = (is_unlikely, round(least, 6), rank)
+        found.append((key, replace(farthest, smaller=tuple(shorter))))
+    chosen, number = list[Candidate](), 0
+    for _, candidate in sorted(found, key=lambda one: one[0]):
+        number += 1 + len(candidate.smaller)
+        if number <= MOST_SINGLE:
+            chosen.append(candidate)
+    return chosen
+
+
+def _hardly_touches(kind: str, evidence: Evidence) -> bool:
+    """Check whether a kind of change hardly touches the reason of a failure."""
+    if not evidence.is_of_places:
+        return kind not in ("order", "robot")
+    return kind in (ARM, GRASP, ATTEMPTS) and evidence.is_of_search  # which tried all, and would find the same again
 
 
 def pair(one: Candidate, other: Candidate) -> Candidate:
     """Join two candidates."""
-    parts = (*(one.parts or (one.kind,)), *(other.parts or (other.kind,)))
-    return Candidate((*one.changes, *other.changes), "pair", one.cost + other.cost, parts)
+    smaller = tuple(pair(one, less) for less in other.smaller)
+    return Candidate((*one.changes, *other.changes), "pair", one.cost + other.cost, smaller)
 
 
 def can_be_joined(one: Candidate, other: Candidate) -> bool:
@@ -105,18 +125,17 @@ class _Generator:
         self._standing = Standing(self._scene)
         self._leaves = {name: joint for joint in self._scene.joints for name in joint.bodies}
 
-    def all(self) -> Iterator[tuple[int, str, tuple[Change, ...]]]:
-        """Yield rank, kind and changes, those of equal rank in order."""
-        yield from self._choices()
-        yield from self._steps()
+    def all(self) -> Iterator[tuple[int, str, list[tuple[Change, ...]]]]:
+        """Yield rank, kind and changes, those of equal rank in order; of moves to one side all, the shortest first."""
+        for rank, kind, changes in (*self._choices(), *self._steps()):
+            yield rank, kind, [changes]
         for rank, name in enumerate(self._moved):
             kind = "thing moved" if self._bodies[name].movable else "furniture moved"
-            yield from ((rank, kind, changes) for changes in self._moves(name))
-        yield from self._doors()
-        yield from self._away()
-        yield from (
-            (0, "robot", option_set(ROBOT, name)) for name in self._situation.robots if name != self._situation.robot
-        )
+            yield from ((rank, kind, moves) for moves in self._moves(name) if moves)
+        for rank, kind, changes in (*self._doors(), *self._away()):
+            yield rank, kind, [changes]
+        others = (name for name in self._situation.robots if name != self._situation.robot)
+        yield from ((0, "robot", [option_set(ROBOT, name)]) for name in others)
 
     def _choices(self) -> Iterator[tuple[int, str, tuple[Change, ...]]]:
         situation = self._situation
@@ -154,19 +173,17 @@ class _Generator:
         joint = self._leaves.get(name)
         return joint.holder if joint is not None and joint.holder in self._bodies else name
 
-    def _moves(self, name: str) -> Iterator[tuple[Change, ...]]:
+    def _moves(self, name: str) -> Iterator[list[tuple[Change, ...]]]:
+        """Yield the moves of a body with what moves along to each side, and up and down, where there is room."""
         body, along = self._bodies[name], self._along(name)
         support = self._standing.support(name)
         turn = self._bodies[support].pose if support in self._bodies else body.pose
         ahead = turn.matrix()[:2, 0]
         yaw = math.atan2(float(ahead[1]), float(ahead[0]))
         ways = [(math.cos(yaw + k * math.pi / 2), math.sin(yaw + k * math.pi / 2), 0.0) for k in range(4)]
-        each = [(step, way) for step in STEPS for way in ways]
-        each += [(step, (0.0, 0.0, sign)) for step in RISES for sign in (1.0, -1.0)]
-        for step, way in each:
-            poses = {one: _displaced(self._bodies[one].pose, step, way) for one in (name, *along)}
-            if is_free(self._scene, poses, name, support):
-                yield things_moved(poses)
+        for way, steps in (*((way, STEPS) for way in ways), ((0.0, 0.0, 1.0), RISES), ((0.0, 0.0, -1.0), RISES)):
+            each = ({one: _displaced(self._bodies[one].pose, step, way) for one in (name, *along)} for step in steps)
+            yield [things_moved(poses) for poses in each if is_free(self._scene, poses, name, support)]
 
     def _along(self, name: str) -> list[str]:
         """What moves along with a body: its leaves and parts, and what stands on these or in it."""
@@ -199,11 +216,10 @@ class _Generator:
     def _related_joints(self) -> Iterator[tuple[int, Articulation]]:
         """Yield the doors, drawers and lids; those that the failure names, or whose furniture it names, first."""
         order = {name: rank for rank, name in enumerate(self.named)}
-        most = len(order)
         for joint in self._scene.joints:
             if not joint.is_knob:
                 names = (*joint.bodies, str(joint.holder), *joint.frame)
-                yield min(order.get(name, most) for name in names), joint
+                yield min(order.get(name, UNRELATED) for name in names), joint
 
     def _away(self) -> Iterator[tuple[int, str, tuple[Change, ...]]]:
         """Yield what may be taken away: movable bodies, and furniture that is named; nothing that is needed."""
@@ -215,7 +231,7 @@ class _Generator:
             if (body.movable or name in order) and self._whole(name) == name:
                 gone = [name, *self._along(name)]
                 if not needed.intersection(gone):
-                    yield order.get(name, len(order)), "away", things_away(gone)
+                    yield order.get(name, UNRELATED), "away", things_away(gone)
 
     def _needed(self) -> set[str]:
         """Things of the plan, and what they stand on or belong to."""
@@ -229,8 +245,8 @@ class _Generator:
 
 
 def _displaced(pose: Pose, step: float, way: Sequence[float]) -> Pose:
-    """Displace a pose; the numbers are those that a user would write."""
-    x, y, z = (round(at + step * part, 3) for at, part in zip(pose.position, way, strict=True))
+    """Displace a pose, to a tenth of a millimetre."""
+    x, y, z = (round(at + step * part, 4) for at, part in zip(pose.position, way, strict=True))
     return replace(pose, position=(x, y, z))
 
 

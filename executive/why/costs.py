@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 
 from executive.maps.scene import Standing
 from planlang.advice import ABSENT, ATTEMPTS, BEFORE, POSITION, ROBOT, TRANSLATION, Change
@@ -18,20 +18,21 @@ PER_METRE = 10.0
 _OPTIONS = {ROBOT: OTHER_ROBOT, ATTEMPTS: STEP, BEFORE: STEP}
 
 
-def cost_of(changes: Iterable[Change], scene: Scene) -> float:
+def cost_of(changes: Sequence[Change], scene: Scene) -> float:
     """Sum the costs of changes; what moves or goes along with something costs nothing."""
     return sum(_cost(group[0], scene) for group in groups_of(changes, scene))
 
 
-def groups_of(changes: Iterable[Change], scene: Scene) -> list[list[Change]]:
-    """Group changes, each after the one with which it moves or goes along."""
+def groups_of(changes: Sequence[Change], scene: Scene) -> list[list[Change]]:
+    """Group changes: with the first of those that move alike, or with what it stands on or belongs to, if that goes."""
     standing = Standing(scene)
     leaves = {body: joint.leaf for joint in scene.joints for body in joint.bodies}
     bodies = {body.name for body in scene.bodies}
     groups: list[list[Change]] = []
-    for change in sorted(changes, key=lambda one: -_cost(one, scene)):
-        below = _below(str(change.thing), standing, leaves, bodies) if change.thing is not None else set[str]()
-        own = next((group for group in groups if _goes_along(change, group[0], below, scene)), None)
+    below = {one: _below(str(one.thing), standing, leaves, bodies) for one in changes if one.thing is not None}
+    gone = {one.thing for one in changes if one.what == ABSENT}
+    for change in sorted(changes, key=lambda one: one.what == ABSENT and bool(gone & below[one])):
+        own = next((group for group in groups if _goes_along(change, group[0], below.get(change, set()), scene)), None)
         if own is None:
             groups.append([change])
         else:

@@ -6,14 +6,30 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from executive.locations.demands import LocationMeaningless
+from executive.locations.rejections import NO_HOLD
 from planlang.advice import Change
-from planlang.failures import LocationUnresolvable
+from planlang.failures import (
+    ActionUnresolvable,
+    HandleNotReachable,
+    HandsLacking,
+    LocationUnresolvable,
+    MissingCapability,
+    ObjectNowhereToBeFound,
+    StateUnknown,
+    TooHeavy,
+)
 from planlang.plan_failure import links_of
 from planlang.records import dataclass
-from planlang.runs import RecordedRun, RunTree
+from planlang.runs import RunTree
 from planlang.runs.codec import load_failure
 
 _NAME = re.compile(r"[\w.\-]+")
+OF_ROBOTS = (
+    *(TooHeavy, HandsLacking, LocationMeaningless, MissingCapability, ActionUnresolvable, StateUnknown),
+    ObjectNowhereToBeFound,
+)
+"""Failures of what a robot cannot do, wherever things are."""
 SAME = 100
 """Number of characters at either end by which texts are compared."""
 CONCURRENT = frozenset({"par", "partial_order", "par_each", "try_all", "with_requests"})
@@ -35,17 +51,24 @@ class Evidence:
     where: str
     is_concurrent: bool
     """True if the order of some steps was open."""
+    is_of_places: bool
+    """False if the cause is nothing that other places of things, or doors, would change: what the robot cannot see,
+    carry, hold between its fingers or do at all."""
+    is_of_search: bool
+    """True if a search found no place although every arm and grasp was open, and nothing had been grasped before."""
+    steps: int
+    """Number of completed steps."""
 
     @staticmethod
-    def of(recorded: RecordedRun) -> Evidence:
-        """Read the evidence of a trace."""
+    def of(records: Sequence[Mapping[str, Any]]) -> Evidence:
+        """Read the evidence of the records of a trace."""
         tree = RunTree()
-        for line in recorded.lines:
-            tree.add(line.record)
+        for record in records:
+            tree.add(record)
         ended = tree.roots[0].failure if tree.roots else None
         chain = list(_links(ended))
         told = [(str(one["type"]), str(one["message"])) for one in chain]
-        failures = list(_failures(recorded))
+        failures = list(_failures(records))
         last = [one for kind, text in reversed(told) for one in failures if _is(one, kind, text)]
         others = [one for one in failures if one not in last]
         ordered = [*last, *others]
@@ -60,7 +83,26 @@ class Evidence:
             _sentence(told, last),
             str(chain[0].get("where", "")) if chain else "",
             any(node.kind in CONCURRENT and len(node.children) > 1 for node in tree.numbered.values()),
+            not any(isinstance(one, OF_ROBOTS) or _is_of_hands(one) for one in last),
+            any(type(one) in (LocationUnresolvable, HandleNotReachable) for one in last)
+            and not any(record.get("event") == "belief" and record.get("change") == "grasped" for record in records),
+            sum(record.get("event") == "completed" and "value" in record for record in records),
         )
+
+    @staticmethod
+    def from_json(json: Mapping[str, Any]) -> Evidence:
+        """Read what :meth:`as_json` wrote."""
+        advised = tuple(tuple(map(Change.of, changes)) for changes in json["advised"])
+        return Evidence(**{**json, "advised": advised, "texts": tuple(json["texts"])})
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it as JSON, for the row of a rerun."""
+        own = {name: getattr(self, name) for name in Evidence.__slots__}
+        return {**own, "advised": [[one.as_json() for one in changes] for changes in self.advised]}
+
+    def is_past(self, other: Evidence) -> bool:
+        """Check whether this run did more steps than another, or as many and failed elsewhere."""
+        return self.steps > other.steps or (self.steps == other.steps and self.where != other.where)
 
     def named(self, names: Collection[str]) -> list[str]:
         """List those of some names that the failures name: what was acted on, what was in the way, then others."""
@@ -102,13 +144,18 @@ def _links(failure: Mapping[str, Any] | None) -> Iterator[Mapping[str, Any]]:
         link = link.get("cause")
 
 
-def _failures(recorded: RecordedRun) -> Iterator[BaseException]:
+def _is_of_hands(failure: BaseException) -> bool:
+    """Check whether the fingers find no hold, wherever the thing is."""
+    return isinstance(failure, LocationUnresolvable) and next(iter(failure.counts), "") == NO_HOLD.text
+
+
+def _failures(records: Sequence[Mapping[str, Any]]) -> Iterator[BaseException]:
     """Yield the failures that a trace stores losslessly, with their causes, the latest first."""
-    for line in reversed(recorded.lines):
-        if line.event not in ("answer", "performed", "completed") or "failure" not in line.record:
+    for record in reversed(records):
+        if record["event"] not in ("answer", "performed", "completed") or "failure" not in record:
             continue
         try:
-            failure = load_failure(line.record["failure"])
+            failure = load_failure(record["failure"])
         except (ValueError, KeyError):
             continue
         yield from links_of(failure)

@@ -49,8 +49,17 @@ def why(options: WhyOptions, *, told: Told = lambda line: None) -> Explanation:
     recorded = recorded_run(options.trace)
     run_options = RunOptions(**values_of(options, SituationSettings), recipe=options.file)
     applied = options.apply or options.trace.with_suffix(".apply.json")
-    more: dict[str, Any] = {"budget": options.budget, "processes": options.processes, "report": options.report}
-    return explained(recorded, run_options, applied=applied, told=told, **more)
+    return explained(
+        recorded,
+        run_options,
+        applied=applied,
+        budget=options.budget,
+        report=options.report,
+        told=told,
+        on=options.on,
+        processes=options.processes,
+        cluster_wait=options.cluster_wait,
+    )
 
 
 def explained(
@@ -59,19 +68,21 @@ def explained(
     *,
     applied: Path | None = None,
     budget: int | None = None,
-    processes: int | None = None,
     report: Path | None = None,
-    on: str = "local",
     told: Told = lambda line: None,
+    **engine: Any,
 ) -> Explanation:
-    """Explain a recorded run, as :func:`why` does; the changes are written to ``applied``, both runs to ``report``."""
+    """Explain a recorded run, as :func:`why` does; the changes are written to ``applied``, both runs to ``report``.
+
+    The ``engine`` of the reruns are options of :func:`executive.sweeps.run`: ``on``, ``processes``, ``cluster_wait``.
+    """
     header_to_repeat(recorded)  # raises for a trace of an older schema
     if recorded.outcome == "succeeded":
         return Explanation("", "this run reached its goal: nothing has to change")
     if recorded.outcome != "failed":
         advice = Text(calling("run", resume=Path(recorded.name)), " ends it")
         raise BadInput([error("X021", "this run has not ended", Span(recorded.name), advice)])
-    evidence = Evidence.of(recorded)
+    evidence = Evidence.of([line.record for line in recorded.lines])
     files = prepared(replace(options.unseen(), repeated=recorded))
     with Run(files) as run:
         subject, robot = run.beginning()
@@ -79,14 +90,11 @@ def explained(
         found = tuple(one for one in run.found if one.code == "X025")
     situation = _situation(subject, robot, files, evidence)
     files = _with_short_start(files)
-    first: Row = {"steps": _steps_of(recorded), "where": evidence.where}
     reruns = Reruns(
         _options(files),
-        first,
         base=files.changes,
         budget=budget or WhyOptions.budget,
-        processes=processes,
-        on=on,
+        engine=engine,
         told=lambda one, row, number: told(_line(one, row, number, situation)),
     )
     result = search(situation, reruns)
@@ -158,10 +166,6 @@ def _command(files: RunFiles, found: Candidate, applied: Path | None) -> Call:
     if files.changes or any(one.thing is not None for one in found.changes):
         return call_of(files, apply=applied or Blank("FILE"), **away)
     return call_of(files, **away, **options)
-
-
-def _steps_of(recorded: RecordedRun) -> int:
-    return sum(line.event == "completed" and "value" in line.record for line in recorded.lines)
 
 
 def _line(one: Candidate, row: Row, number: int, situation: Situation) -> str:

@@ -7,23 +7,30 @@ from typing import Any
 
 from executive.options.declaring import made
 from executive.options.running import RunSettings
+from executive.runs.assembled import read_files_of
 from executive.runs.options import RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file
 from executive.runs.prepared import Inputs
 from executive.sweeps import Row
+from executive.why.evidence import Evidence
 from planlang.advice import Change
 from planlang.diagnostics import BadInput
 from planlang.words import COMMAND_LINE, said
 
-JOB = "executive.why.rerun:ended"
+JOB, READS = "executive.why.rerun:ended", "executive.why.rerun:assembled"
 REFUSED = "refused"
 """Outcome of a run that cannot begin with its changes."""
 _INPUTS = Inputs()
 """Inputs that all reruns of this process have in common."""
 
 
+def assembled(world: Mapping[str, Any]) -> None:
+    """Read the files of a rerun as it does, and do not run it. Raises BadInput."""
+    read_files_of(RunOptions.of(made(RunSettings, world["options"])))
+
+
 def ended(world: Mapping[str, Any]) -> Row:
-    """Run a plan with changes; return the row: outcome, message, place of the failure, steps done, and its advice."""
+    """Run a plan with changes; return the row: outcome, message, and the evidence of its failure."""
     changes = tuple(map(Change.of, world["changes"]))
     options = RunOptions.of(made(RunSettings, world["options"]), changes=changes)
     try:
@@ -34,11 +41,6 @@ def ended(world: Mapping[str, Any]) -> Row:
 
 
 def reached(result: RunResult) -> dict[str, Any]:
-    """Say how far a run got: its plan time, completed steps, the place of its failure, and what that advises."""
-    failure = result.failure
-    return {
-        "duration": round(result.duration, 3),
-        "steps": sum(one.get("event") == "completed" and "value" in one for one in result.trace),
-        "where": None if failure is None else failure.where,
-        "advised": [] if failure is None else [one.as_json() for one in failure.changes],
-    }
+    """Say how far a run got: its plan time, and the evidence of its failure."""
+    evidence = None if result.failure is None else Evidence.of(result.trace).as_json()
+    return {"duration": round(result.duration, 3), "evidence": evidence}

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
 from executive.sweeps import Row, World, run
 from executive.sweeps.records import LIMITS, Done, is_reached
 from executive.why.candidates import Candidate, Situation, advised, can_be_joined, pair, singles
-from executive.why.costs import cost_of
-from executive.why.rerun import JOB
+from executive.why.evidence import Evidence
+from executive.why.rerun import JOB, READS
 from planlang.advice import ROBOT, Change
 from planlang.records import dataclass
 
@@ -28,23 +29,21 @@ class Tried:
     row: Row
 
     @property
-    def helped(self) -> bool:
-        """True if the goal was reached."""
-        return is_reached(self.row)
+    def evidence(self) -> Evidence | None:
+        """What is known of its failure; None if it has none, or the run did not begin or end."""
+        stated = self.row.get("evidence")
+        return None if stated is None else Evidence.from_json(stated)
 
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """What a search tried, in order; the last one helped if any did."""
+    """What a search tried, in order, and what it found."""
 
     tried: tuple[Tried, ...]
-    left: tuple[Candidate, ...]
+    left: tuple[Candidate, ...] = ()
     """What the budget did not suffice for."""
-
-    @property
-    def found(self) -> Candidate | None:
-        """The candidate after which the goal is reached; None if there is none among those tried."""
-        return self.tried[-1].candidate if self.tried and self.tried[-1].helped else None
+    found: Candidate | None = None
+    """The candidate after which the goal is reached; None if there is none among those tried."""
 
 
 class _Found(Exception):
@@ -57,20 +56,17 @@ class Reruns:
     def __init__(
         self,
         options: Mapping[str, Any],
-        first: Row,
         *,
         base: Sequence[Change] = (),
         budget: int,
-        processes: int | None,
-        on: str,
+        engine: Mapping[str, Any],
         told: Told,
     ) -> None:
-        """``options`` are those of the run, as JSON, ``first`` its row, ``base`` the changes that it was made with.
+        """``options`` are those of the run, as JSON, ``base`` the changes that it was made with.
 
-        ``told`` gets each rerun and its number.
+        ``engine`` says where they run (options of :func:`executive.sweeps.run`); ``told`` gets each and its number.
         """
-        self._options, self._budget, self._processes, self._on, self._told = options, budget, processes, on, told
-        self._first, self._base = first, base
+        self._options, self._base, self._budget, self._engine, self._told = options, base, budget, engine, told
         self.tried: list[Tried] = []
 
     @property
@@ -78,8 +74,8 @@ class Reruns:
         """Number of reruns that are left."""
         return self._budget - len(self.tried)
 
-    def of(self, candidates: Sequence[Candidate]) -> bool:
-        """Rerun candidates until one helps or the budget is used up; True if one helps.
+    def of(self, candidates: Sequence[Candidate]) -> Candidate | None:
+        """Rerun candidates until one helps or the budget is used up; return the one that helps.
 
         Which one does not depend on the number of processes: it is the first in the order of the list.
         """
@@ -98,11 +94,11 @@ class Reruns:
                 for number, candidate in enumerate(chosen)
             ]
             with suppress(_Found):
-                run(worlds, JOB, self._on, processes=self._processes, limits=LIMITS, told=known)
+                run(worlds, JOB, limits=LIMITS, told=known, reads=READS, **self._engine)
         helping = _first_helping(rows)
         most = len(chosen) if helping is None else helping + 1
         self.tried += [Tried(chosen[number], rows[number]) for number in range(most)]
-        return helping is not None
+        return None if helping is None else chosen[helping]
 
     def options_of(self, candidate: Candidate) -> dict[str, Any]:
         """Options of a rerun, as JSON; another robot starts where it has room."""
@@ -111,11 +107,6 @@ class Reruns:
 
     def _changes(self, candidate: Candidate) -> list[dict[str, Any]]:
         return [one.as_json() for one in (*self._base, *candidate.changes)]
-
-    def got_further(self, one: Tried) -> bool:
-        """Check whether a rerun did more steps than the run that failed, or as many and failed elsewhere."""
-        steps, before = one.row.get("steps", -1), self._first["steps"]
-        return bool(steps > before or (steps == before and one.row.get("where") != self._first["where"]))
 
 
 def _first_helping(rows: Mapping[int, Row]) -> int | None:
@@ -131,52 +122,71 @@ def _first_helping(rows: Mapping[int, Row]) -> int | None:
 def search(situation: Situation, reruns: Reruns) -> Search:
     """Find the first change that helps: what was advised, with what its rerun advises; the single changes; pairs."""
     every: dict[frozenset[Change], Candidate] = {}
-
-    def new(candidates: Sequence[Candidate]) -> list[Candidate]:
-        fresh = [one for one in candidates if frozenset(one.changes) not in every]
-        every.update((frozenset(one.changes), one) for one in fresh)
-        return fresh
-
-    stages = (_advice, _singles, _pairs)
-    for stage in stages:
+    for stage in (_advice, _after_advice, _singles, _pairs):
         for candidates in stage(situation, reruns):
-            if reruns.of(new(candidates)):
-                return Search(tuple(reruns.tried), ())
+            fresh = [one for one in candidates if frozenset(one.changes) not in every]
+            every.update((frozenset(one.changes), one) for one in fresh)
+            found = reruns.of(fresh)
+            if found is not None:
+                return Search(tuple(reruns.tried), found=reruns.of(found.smaller) or found)
     tried = {frozenset(one.candidate.changes) for one in reruns.tried}
     return Search(tuple(reruns.tried), tuple(one for key, one in every.items() if key not in tried))
 
 
 def _advice(situation: Situation, reruns: Reruns) -> Iterator[Sequence[Candidate]]:
+    """Yield what was advised, then with it what its rerun advises, and so on."""
     first = advised(situation)
     yield first
     for candidate in first:
         for _ in range(MOST_LINKS):
-            further = [pair(candidate, other) for other in _advised_after(candidate, situation, reruns)]
+            further = [pair(candidate, one) for one in _advised_after(candidate, situation, reruns)]
             yield further
             if not further:
                 break
             candidate = further[0]
 
 
+def _after_advice(situation: Situation, reruns: Reruns) -> Iterator[Sequence[Candidate]]:
+    """Yield what was advised with single changes for the failure at which its rerun ended, if that got further."""
+    for one in _ahead(situation, reruns)[-1:]:
+        yield _joined_after(one, situation)[: reruns.left // 2]
+
+
 def _singles(situation: Situation, reruns: Reruns) -> Iterator[Sequence[Candidate]]:
-    yield singles(situation)
+    """Yield the single changes; then the smaller moves, of which the farthest does not help."""
+    farthest = singles(situation)
+    yield farthest
+    yield sorted((less for one in farthest for less in one.smaller), key=lambda one: one.cost)
 
 
 def _pairs(situation: Situation, reruns: Reruns) -> Iterator[Sequence[Candidate]]:
-    """Yield pairs: a change with what its rerun advised, then changes that got the run further with others."""
-    own = [one for one in reruns.tried if one.candidate.kind != "pair"]
-    ahead = [one.candidate for one in own if reruns.got_further(one)]
-    chained = [pair(one, other) for one in ahead for other in _advised_after(one, situation, reruns)]
+    """Yield pairs: changes that got the run further with what is for the next failure, then all others."""
+    ahead = [one for one in _ahead(situation, reruns) if one.candidate.kind != "pair"]
+    chained = [
+        pair(one.candidate, other) for one in ahead for other in _advised_after(one.candidate, situation, reruns)
+    ]
     yield sorted(chained, key=lambda one: one.cost)
-    every = [one.candidate for one in own]
-    joined = [pair(one, other) for one, other in combinations(every, 2) if can_be_joined(one, other)]
-    helps = {one.changes for one in ahead}
-    yield sorted(joined, key=lambda one: (not any(set(part) <= set(one.changes) for part in helps), one.cost))
+    yield sorted((both for one in ahead for both in _joined_after(one, situation)), key=lambda one: one.cost)
+    alone = [one.candidate for one in reruns.tried if one.candidate.kind != "pair"]
+    joined = (pair(one, other) for one, other in combinations(alone, 2) if can_be_joined(one, other))
+    yield sorted(joined, key=lambda one: one.cost)
+
+
+def _ahead(situation: Situation, reruns: Reruns) -> list[Tried]:
+    """List the reruns that got further than the run that failed."""
+    return [one for one in reruns.tried if one.evidence is not None and one.evidence.is_past(situation.evidence)]
+
+
+def _joined_after(one: Tried, situation: Situation) -> list[Candidate]:
+    """List a candidate with each single change for the failure at which its rerun ended, in their order."""
+    assert one.evidence is not None
+    further = singles(replace(situation, evidence=one.evidence))
+    return [pair(one.candidate, other) for other in further if can_be_joined(one.candidate, other)]
 
 
 def _advised_after(one: Candidate, situation: Situation, reruns: Reruns) -> list[Candidate]:
-    """What the rerun of a candidate advised, if that can be joined to it."""
-    row = next((tried.row for tried in reruns.tried if tried.candidate == one), {})
-    changes = tuple(map(Change.of, row.get("advised", ())))
-    other = Candidate(changes, "advice", cost_of(changes, situation.scene))
-    return [other] if changes and can_be_joined(one, other) else []
+    """What the rerun of a candidate advises, if that can be joined to it."""
+    evidence = next((tried.evidence for tried in reruns.tried if tried.candidate == one), None)
+    if evidence is None:
+        return []
+    return [other for other in advised(replace(situation, evidence=evidence))[:1] if can_be_joined(one, other)]

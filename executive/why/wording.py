@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 from executive.why.costs import displacement, groups_of
 from planlang.advice import ABSENT, ARM, ATTEMPTS, BEFORE, GRASP, POSITION, ROBOT, SCHEDULE, START, Change
@@ -14,7 +14,7 @@ FROM = {"side": "from the side", "tilted": "at a slant", "top": "from above"}
 """Class of grasps -> whence the hand comes."""
 
 
-def clause_of(changes: Iterable[Change], scene: Scene) -> str:
+def clause_of(changes: Sequence[Change], scene: Scene) -> str:
     """Say changes as a condition: ``bottle1 is moved 0.10 m, to x = 1.20, y = 0.50, z = 0.79``."""
     return ", and ".join(_clause(group, scene) for group in groups_of(changes, scene))
 

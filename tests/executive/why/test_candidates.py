@@ -1,0 +1,105 @@
+"""The list of changes that ``planlang why`` tries: what is in it, in which order, and how small each is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from executive.why.candidates import Candidate, Situation, advised, singles
+from executive.why.costs import cost_of
+from executive.why.evidence import Evidence
+from executive.why.wording import clause_of
+from planlang.advice import Change
+from planlang.geometry import Pose
+from sim import Body, Scene
+from sim.joints import Articulation, JointKind
+
+TABLE = Body("table1", Pose((2.0, 0.0, 0.37)), (0.6, 1.2, 0.74))
+CUP = Body("cup1", Pose((1.9, 0.0, 0.79)), (0.08, 0.08, 0.1), movable=True)
+BOX = Body("box1", Pose((1.9, 0.2, 0.79)), (0.1, 0.1, 0.1), movable=True)
+SAUCER = Body("saucer1", Pose((1.9, 0.2, 0.845)), (0.06, 0.06, 0.01), movable=True)
+CUPBOARD = Body("cupboard1", Pose((0.0, 3.0, 0.5)), (0.5, 0.6, 1.0))
+DOOR = Body("door1", Pose((0.26, 3.0, 0.5)), (0.02, 0.6, 1.0))
+HINGE = Articulation("door1", JointKind.HINGED, (0.26, 2.7, 0.5), (0.0, 0.0, 1.0), 0.0, 1.57, "cupboard1")
+SCENE = Scene((TABLE, CUP, BOX, SAUCER, CUPBOARD, DOOR), joints=(HINGE,))
+EVIDENCE = Evidence((), ("cup1 cannot be reached",), {"box1": 3}, "", "", False, True, False, 1)
+SITUATION = Situation(SCENE, frozenset({"cup1"}), "amigo", ("right", "left"), ("amigo", "pr2"), EVIDENCE)
+
+
+def kinds(candidates: list[Candidate]) -> list[str]:
+    """Kinds in the order in which they first come."""
+    return list(dict.fromkeys(one.kind for one in candidates))
+
+
+def with_smaller(candidates: list[Candidate]) -> list[Candidate]:
+    return [each for one in candidates for each in (*one.smaller, one)]
+
+
+def test_the_cheapest_changes_come_first_and_what_the_failure_does_not_name_last() -> None:
+    found = singles(SITUATION)
+    named = ["arm", "grasp", "attempts", "thing moved", "away", "furniture moved", "robot"]
+    assert kinds(found) == [*named, "before", "door"]
+    assert [one.changes[0].value for one in found[:2]] == ["right", "left"]
+    assert len(with_smaller(found)) <= 80
+
+
+def test_a_thing_is_moved_only_where_it_has_room_and_with_what_stands_on_it() -> None:
+    every = with_smaller(singles(SITUATION))
+    cup = [one.changes for one in every if one.changes[0].thing == "cup1"]
+    ahead = {changes[0].value for changes in cup if changes[0].value[1] > 0.01}
+    assert ahead == {(1.9, 0.05, 0.79), (1.9, 0.1, 0.79), (1.9, 0.4, 0.79)}, "0.2 m further the box is in the way"
+    box = [one.changes for one in every if one.changes[0].thing == "box1" and one.kind == "thing moved"]
+    assert all([change.thing for change in changes] == ["box1", "saucer1"] for changes in box)
+
+
+def test_what_the_plan_needs_and_what_that_stands_on_is_not_taken_away() -> None:
+    away = [{change.thing for change in one.changes} for one in singles(SITUATION) if one.kind == "away"]
+    assert away == [{"box1", "saucer1"}, {"saucer1"}]
+
+
+def test_where_the_robot_cannot_hold_the_thing_another_robot_comes_before_other_places() -> None:
+    found = singles(replace(SITUATION, evidence=replace(EVIDENCE, is_of_places=False)))
+    assert kinds(found).index("robot") < kinds(found).index("thing moved")
+
+
+def test_where_a_search_tried_every_arm_and_grasp_these_come_after_other_places() -> None:
+    found = singles(replace(SITUATION, evidence=replace(EVIDENCE, is_of_search=True)))
+    assert kinds(found)[0] == "thing moved"
+    assert kinds(found).index("arm") > kinds(found).index("robot")
+
+
+def test_orders_of_steps_are_tried_only_if_some_were_open() -> None:
+    assert "order" not in kinds(singles(SITUATION))
+    assert "order" in kinds(singles(replace(SITUATION, evidence=replace(EVIDENCE, is_concurrent=True))))
+
+
+def test_what_was_advised_has_the_cost_of_its_changes_and_things_of_other_maps_are_left_out() -> None:
+    moved = (Change("translation", (1.9, 0.3, 0.79), "cup1"),)
+    strange = (Change("absent", True, "cup9"),)
+    found = advised(replace(SITUATION, evidence=replace(EVIDENCE, advised=(strange, moved))))
+    assert [(one.changes, round(one.cost, 6)) for one in found] == [(moved, 6.0)]
+
+
+def test_what_moves_or_goes_along_costs_nothing_and_is_said_with_the_first() -> None:
+    along = (Change("translation", (1.9, 0.3, 0.79), "box1"), Change("translation", (1.9, 0.3, 0.845), "saucer1"))
+    assert cost_of(along, SCENE) == cost_of(along[:1], SCENE) == 4.0
+    assert clause_of(along, SCENE) == "box1 is moved 0.10 m, to x = 1.90, y = 0.30, z = 0.79, and saucer1 with it"
+    gone = (Change("absent", True, "saucer1"), Change("absent", True, "box1"))
+    assert (cost_of(gone, SCENE), clause_of(gone, SCENE)) == (5.0, "box1 is not there, nor saucer1")
+
+
+def test_each_kind_of_change_costs_what_the_guide_says() -> None:
+    costs = {
+        Change("arm", "left"): 1.0,
+        Change("schedule", 2): 1.0,
+        Change("attempts", 1): 2.0,
+        Change("before", "OpeningAContainerArtifact door1"): 2.0,
+        Change("jointPosition", 1.57, "door1"): 4.0,
+        Change("translation", (2.0, 0.1, 0.37), "table1"): 6.0,
+        Change("robot", "pr2"): 8.0,
+    }
+    assert {change: cost_of((change,), SCENE) for change in costs} == costs
+    assert clause_of(tuple(costs)[-1:], SCENE) == "the robot is pr2"
+    assert (
+        clause_of(tuple(costs)[3:5], SCENE)
+        == "the robot first opens door1, and door1 is open by 90 degrees from the start"
+    )
