@@ -116,6 +116,7 @@ def base_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Bas
     seen: dict[str, None] = {}
     unseen: dict[str, None] = {}
     areas: dict[Region | Facing | Clear, None] = {}
+    plain: set[Reach] = set()  # of things as such: no purpose of the hand is stated
     for relation in filter(_limits, location.relations):
         kind, (first, *_) = RELATIONS[relation.name], relation.references
         if kind.of_locations and isinstance(first, Location):
@@ -126,7 +127,9 @@ def base_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Bas
             continue
         match kind.base(_bound(relation, "base", scene, viewer), scene.bodies, scene.robot.base.radius):
             case Reach() as reach:
-                (unreached if relation.negated else reaches)[_by_arms(reach, location, scene.arms)] = None
+                reach = _by_arms(_while_holding(reach, scene), location, scene.arms)
+                (unreached if relation.negated else reaches)[reach] = None
+                plain.add(reach)
             case See(body):
                 (unseen if relation.negated else seen)[body] = None
             case None:
@@ -135,7 +138,21 @@ def base_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Bas
                 areas[area] = None
     if not (reaches or unreached or seen or unseen or areas):
         raise meaningless(location, location, " states a viewpoint, but no relation")
-    return BaseDemand(tuple(reaches), tuple(seen), tuple(areas), tuple(unreached), tuple(unseen))
+    # what something is put on, or in, is in reach for that: nobody grasps it
+    supports = {reach.body for reach in reaches if reach.kind is ReachKind.PLACE}
+    needed = tuple(reach for reach in reaches if reach not in plain or reach.body not in supports)
+    return BaseDemand(needed, tuple(seen), tuple(areas), tuple(unreached), tuple(unseen))
+
+
+def _while_holding(reach: Reach, scene: PlanningScene) -> Reach:
+    """Come above what takes several hands, instead of grasping it, while one of them holds something else.
+
+    It can only be there for what is in the hand, as a pot to pour into is.
+    """
+    is_free = not any(scene.arms.held(arm.name) for arm in scene.arms.all)
+    if is_free or reach.kind is not ReachKind.GRASP or scene.bodies.hands(reach.body) < 2:
+        return reach
+    return Reach(ReachKind.ABOVE, reach.body)
 
 
 def hand_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Reach:

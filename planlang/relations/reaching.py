@@ -38,7 +38,7 @@ class InReachOf(RelationType):
     forms = ("in reach of", "within reach of")
     of_base = Meaning(
         "an object to grasp: pre-grasp, grasp and lift are reachable; a person: a point in their comfort zone; "
-        "a hand location: some pose of it; anything else: some pose above X"
+        "a hand location: some pose of it; anything else, or a full hand at what takes two hands: some pose above X"
     )
     of_hand = Meaning("a person: the held object, or the hand, is inside their comfort zone; else as for a base")
     of_thing = Meaning("a person: inside their comfort zone")

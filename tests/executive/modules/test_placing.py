@@ -39,12 +39,17 @@ FORK = Body("fork", Pose((1.0, 2.0, 0.01)), (0.2, 0.02, 0.02), type="Fork-Silver
 CUP = Body("cup", Pose((2.0, -0.45, 0.84)), (0.08, 0.08, 0.12), "cylinder", type="Cup", movable=True)
 THE_TABLE, THE_MAT = an_object(TABLE.type, PLACE + "table"), an_object(MAT.type, PLACE + "mat")
 THE_CUP, THE_FORK = an_object(CUP.type, PLACE + "cup"), an_object(FORK.type, PLACE + "fork")
+TRAY = Body(
+    "tray", Pose((1.88, 0.1, 0.795)), (0.32, 0.45, 0.03), type="Tray", movable=True, wall=0.006, hands=2, mass=0.8
+)
+THE_TRAY = an_object(TRAY.type, PLACE + "tray")
 THE_CABINET = an_object(CABINET.type, PLACE + "cabinet")
 
 
-def put_down(stage: Stage, where: Location) -> None:
-    """Lower the bottle from a base pose where that is possible, let it go and come back."""
-    stand(stage, next(stage.resolver.bases(a_location(in_reach_of=where))).base)
+def put_down(stage: Stage, where: Location, near: Location | None = None) -> None:
+    """Lower the bottle from a base pose where that is possible, and ``near`` holds; let it go and come back."""
+    location = a_location(in_reach_of=where)
+    stand(stage, next(stage.resolver.bases(location if near is None else near & location)).base)
 
     async def plan() -> None:
         await perform(action("LoweringAnObject", object_acted_on=THE_BOTTLE, to_location=where))
@@ -141,6 +146,23 @@ def test_what_lies_is_put_down_lying_where_the_arm_cannot_set_it_up(make_stage: 
     put_down(stage, a_location(on=there))
     assert at_rest_on(stage.truth, "bottle") == "low"
     assert abs(stage.truth.pose("bottle").rotation[2, 2]) < 0.02
+
+
+@pytest.mark.parametrize("hands", [1, 2])
+def test_what_something_is_put_on_is_in_reach_without_being_grasped(make_stage: MakeStage, hands: int) -> None:
+    stage = make_stage(BED, BOTTLE, CABINET, TABLE, replace(TRAY, hands=hands), replace(BOTTLE, name="other"))
+    hold_bottle(stage)
+    if hands == 1:  # no hand is free for the tray
+        hold_bottle(stage, "left", name="other")
+    put_down(stage, a_location(on=THE_TRAY), a_location(in_reach_of=THE_TRAY))
+    assert at_rest_on(stage.truth, "bottle") == "tray"
+
+
+def test_a_full_hand_comes_above_what_takes_two_hands(make_stage: MakeStage) -> None:
+    stage = make_stage(BED, BOTTLE, CABINET, TABLE, TRAY)
+    hold_bottle(stage)
+    solution = next(stage.resolver.bases(a_location(in_reach_of=THE_TRAY)))
+    assert solution.detail["reaches"][0].startswith("above tray")
 
 
 def test_an_empty_hand_puts_nothing_down(make_stage: MakeStage) -> None:
