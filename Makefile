@@ -1,6 +1,7 @@
 # make demo    compile the bundled recipe, show the plan, run it
 # make test    the test suite          make lint    ruff, mypy --strict, import contracts
 # make test-long   tests that take long, up to minutes, beside shorter ones of the same; all random examples
+# make test-pr2    tests that are skipped without the PR2, those that take long, too; installs its shape, 430 MB
 # make mutants the kernel broken on purpose, and what notices            make coverage   branches that no test takes
 # make bench   measurements            make seeds   the bundled recipe in 30 worlds that are not as the map says
 # make homes   everyday tasks in homes drawn at random, by four robots, with the table of docs/reference/homes.md: three hours
@@ -35,7 +36,7 @@ PYTEST_ARGS ?=
 # Tests and measurements start hundreds of processes; each would compile all modules anew where the variable is set.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help demo test test-long lint docs docs-links counts bench bench-locations coverage mutants seeds homes processors fuzz maps clean
+.PHONY: help demo test test-long test-pr2 lint docs docs-links counts bench bench-locations coverage mutants seeds homes processors fuzz maps clean
 
 help:
 	@sed -n 's/^# //p' Makefile
@@ -78,7 +79,7 @@ demo: $(VENV)/.run-stamp
 	@grep -q '^bottle1: held by patient1$$' $(VENV)/demo.txt
 
 # As many processes as cores: threads of theirs would only get in each other's way.
-test test-long: export OPENBLAS_NUM_THREADS = 1
+test test-long test-pr2: export OPENBLAS_NUM_THREADS = 1
 
 test: $(VENV)/.dev-stamp
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile $(PYTEST_ARGS)
@@ -86,6 +87,9 @@ test: $(VENV)/.dev-stamp
 test-long: $(VENV)/.dev-stamp
 	$(BIN)/python -m pytest -m long $(PYTEST_ARGS)
 	PLANLANG_EXAMPLES=5000 $(BIN)/python -m pytest -m hypothesis $(PYTEST_ARGS)
+
+test-pr2: $(VENV)/.pr2-stamp
+	$(BIN)/python -m pytest -m pr2 --numprocesses $(JOBS) --dist loadfile $(PYTEST_ARGS)
 
 lint: $(VENV)/.dev-stamp
 	$(BIN)/ruff check .
@@ -129,14 +133,14 @@ bench: $(VENV)/.bench-stamp
 	@echo "== dead hands"; $(BIN)/python -m tests.benchmarks.dead_hand
 	@echo "== another robot in the room"; $(BIN)/python -m tests.benchmarks.second_body
 
-$(VENV)/.pr2-stamp: $(VENV)/.bench-stamp
+$(VENV)/.pr2-stamp: $(VENV)/.dev-stamp
 	@echo "installing the shape of the PR2, 430 MB, into $(VENV)"
 	@$(INSTALL) '.[pr2]'
 	@touch $@
 
 ROOMS ?= 200
 PARTS ?=
-bench-locations: $(VENV)/.pr2-stamp
+bench-locations: $(VENV)/.bench-stamp $(VENV)/.pr2-stamp
 	$(BIN)/python -m tests.benchmarks.locations --rooms $(ROOMS) --parts "$(PARTS)" \
 	    --keep $(VENV)/bench-locations-$(ROOMS).json
 

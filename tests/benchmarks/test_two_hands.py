@@ -6,7 +6,6 @@ import pytest
 
 from tests.benchmarks.homes.trial import task_of
 from tests.benchmarks.two_hands import TEMPLATES, cases, counted, job, reordered
-from tests.support.extras import skip_without_pr2
 
 
 def test_half_of_the_tasks_bring_first_what_was_taken_last():
@@ -25,9 +24,8 @@ def test_forty_tasks_are_of_both_templates_and_robots_alike():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("robot", "seed"), [("amigo", 2), ("pr2", 3)])
+@pytest.mark.parametrize(("robot", "seed"), [("amigo", 2), pytest.param("pr2", 3, marks=pytest.mark.pr2)])
 def test_two_things_are_carried_at_once_and_none_is_dropped(robot: str, seed: int):
-    skip_without_pr2(robot)
     row = job({"template": "two_in_two_hands", "seed": seed, "robot": robot})
     assert (row["reached"], row["at_once"], row["dropped"]) == (True, 2, {}), row
     assert counted([row]).startswith(f"{robot}: 1 of 1 reached, 1 with both hands full at once, 0 dropped")

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import pytest
+
 from executive.runs.options import RunOptions
 from planlang.protocols import RobotInterface
-from tests.support.extras import skip_without_pr2
 from tests.support.noisy_camera import NoisyCamera
 from tests.support.scenarios import at_home, judged_run, parsed, scenarios
 
 
+@pytest.mark.pr2
 def test_what_is_stirred_is_mixed_in_truth_though_the_camera_is_decorated() -> None:
-    skip_without_pr2("--robot pr2")
     scenario, made = scenarios()["stir_soup"], list[NoisyCamera]()
 
     def decorated(robot: RobotInterface) -> RobotInterface:

@@ -9,8 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.extras import skip_without_pr2
-
 TASKS = Path(__file__).parents[3] / "shared" / "reproductions"
 HANDED_OVER = ("bottle_t74", "cup7_t74", "cup7_t88", "glass6_t74", "remote_t74")
 CUPBOARDS = ("empty", "not_empty", "open_side", "shelf_nodoor", "with_shelf")
@@ -23,14 +21,15 @@ pytestmark = [
 
 def ended(folder: str, recipe: str, environment: str, robot: str) -> tuple[int, list[str]]:
     """The exit code of a run, and the lines of the final state."""
-    skip_without_pr2(robot)
     words = ("run", recipe, "--robot", robot, "--environment", environment, "--json")
     command = [sys.executable, "-m", "planlang_command", *words]
     done = subprocess.run(command, cwd=TASKS / folder, capture_output=True, text=True, timeout=600, check=False)
     return done.returncode, json.loads(done.stdout)["final_state"]
 
 
-@pytest.mark.parametrize(("folder", "robot"), [("amigo_pour_nopath", "amigo"), ("pour_amount", "pr2")])
+@pytest.mark.parametrize(
+    ("folder", "robot"), [("amigo_pour_nopath", "amigo"), pytest.param("pour_amount", "pr2", marks=pytest.mark.pr2)]
+)
 def test_of_100_ml_asked_for_between_98_and_105_are_poured(folder: str, robot: str) -> None:
     code, state = ended(folder, "xp100.omn", "xmw.omn", robot)
     assert code == 0
@@ -38,6 +37,7 @@ def test_of_100_ml_asked_for_between_98_and_105_are_poured(folder: str, robot: s
     assert 98 <= int(poured.split()[2]) <= 105
 
 
+@pytest.mark.pr2
 def test_nothing_is_poured_out_of_an_empty_bottle() -> None:
     code, state = ended("pour_nothing", "xpour.r.omn", "xm.omn", "pr2")
     assert code == 1

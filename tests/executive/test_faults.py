@@ -6,7 +6,6 @@ import pytest
 
 from planlang.designators import action
 from tests.benchmarks.faults import TASKS, job, scripted
-from tests.support.extras import skip_without_pr2
 from tests.support.random_faults import RandomFaults
 
 
@@ -25,9 +24,8 @@ def test_of_scripted_runs_with_one_request_in_five_failing_at_least_85_percent_a
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("robot", ["amigo", "pr2", "panda"])
+@pytest.mark.parametrize("robot", ["amigo", pytest.param("pr2", marks=pytest.mark.pr2), "panda"])
 def test_a_drink_is_served_in_the_simulator_though_one_request_in_five_fails(robot: str) -> None:
-    skip_without_pr2(robot)
     row = job({"task": "serve", "robot": robot, "seed": 1, "rate": 0.2})
     assert row["reached"], row["message"]
     assert row["drawn"]

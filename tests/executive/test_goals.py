@@ -16,7 +16,7 @@ from executive.modules.tools.wiping import Wiping
 from executive.runs.options import Outcome
 from planlang.failures import ManipulationGoalInCollision
 from planlang.protocols import Trajectory
-from tests.support.extras import skip_without_pr2
+from tests.support.extras import robot_marks
 from tests.support.pages import shown_commands
 from tests.support.scenarios import CORPUS, Scenario, judged, scenarios
 
@@ -26,11 +26,10 @@ OTHERS = [one for one in scenarios().values() if not any(map(one.is_run_by, SHOW
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("scenario", OTHERS, ids=lambda one: one.name)
+@pytest.mark.parametrize("scenario", [pytest.param(one, id=one.name, marks=robot_marks(one.command)) for one in OTHERS])
 def test_a_recipe_reaches_its_goal(scenario: Scenario) -> None:
     if scenario.needs_corpus and not CORPUS.is_dir():
         pytest.skip("the corpus of real OWL files is not beside this checkout")
-    skip_without_pr2(scenario.command)
     found = judged(scenario)
     assert found.reached, (found.result.message, found.unmet)
 
@@ -44,7 +43,6 @@ def test_the_documentation_has_the_command_of_every_scenario() -> None:
 def test_a_pancake_that_the_spatula_did_not_take_along_is_not_flipped(
     corpus: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    skip_without_pr2(scenarios()["flipping"].command)
     monkeypatch.setattr("sim.processes.NEAR_BLADE", -1.0)
     found = judged(scenarios()["flipping"])
     assert found.result.failures[0] == "ObjectNotTurned"

@@ -26,7 +26,6 @@ from planlang.runs import Past, RecordedRun, restore
 from sim.truth import held_by
 from tests.executive.conftest import PLACE, THE_BOTTLE, WARD, MakeStage, Served, Stage
 from tests.support.examples import some
-from tests.support.extras import skip_without_pr2
 
 PLAN = '''"""Take the bottle, then bring it, in steps of their own."""
 
@@ -128,9 +127,9 @@ def test_a_resumed_run_tells_tilts_poses_and_experience_of_all_of_it(
 
 
 @pytest.mark.long
+@pytest.mark.pr2
 def test_a_run_of_the_pr2_is_resumed_byte_for_byte(tmp_path: Path) -> None:
     """In a process in which less inverse kinematics was solved before; some motions are computed in threads."""
-    skip_without_pr2("--robot pr2")
     options = ("--robot", "pr2", "--environment", "soup_kitchen")
     assert answer("run", "stir_soup", *options, "--trace", tmp_path / "whole.jsonl")["exit_code"] == 0
     part = killed(tmp_path / "whole.jsonl", tmp_path / "run.jsonl", completions(tmp_path / "whole.jsonl")[0])

@@ -11,7 +11,6 @@ import pytest
 from click.testing import CliRunner
 
 from executive.cli.app import app
-from tests.support.extras import HAS_PR2
 
 
 def run(*arguments: str | Path) -> dict[str, Any]:
@@ -75,7 +74,7 @@ def test_a_robot_with_a_camera_looks_unless_it_trusts_the_map(tmp_path: Path) ->
 
 
 @pytest.mark.long
-@pytest.mark.skipif(not HAS_PR2, reason="the PR2's URDF is in the extra pr2")
+@pytest.mark.pr2
 def test_the_pr2_passes_the_drink_without_moving_its_base(tmp_path: Path) -> None:
     trace = tmp_path / "run.jsonl"
     assert run("pass_a_drink", "--robot", "pr2", "--trace", trace)["final_state"] == ["bottle1: held by guest1"]

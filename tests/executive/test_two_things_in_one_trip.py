@@ -11,7 +11,6 @@ import pytest
 from executive.runs.options import RunOptions
 from executive.runs.plan_run import run_plan_file
 from planlang.files import bundled
-from tests.support.extras import skip_without_pr2
 
 FLAT = Path(__file__).with_name("two_things")
 BOTH = ("can1: at rest on table1", "cup1: at rest on table1")
@@ -35,11 +34,11 @@ def happened(trace: Path) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("robot", "seconds"), [pytest.param("amigo.omn", 160, id="amigo"), pytest.param("pr2.toml", 101, id="pr2")]
+    ("robot", "seconds"),
+    [pytest.param("amigo.omn", 160, id="amigo"), pytest.param("pr2.toml", 101, id="pr2", marks=pytest.mark.pr2)],
 )
 def test_two_things_are_fetched_before_one_is_brought(robot: str, seconds: float, tmp_path: Path) -> None:
     """One after the other they take Amigo 172 s, and PR2 127 s."""
-    skip_without_pr2(robot.partition(".")[0])
     run = run_plan_file(options(robot, tmp_path))
     assert run.final_state == BOTH, run.message
     assert happened(tmp_path / "run.jsonl") == ["grasped", "grasped", "released", "released"]

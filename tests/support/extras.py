@@ -9,10 +9,13 @@ HAS_PR2 = any(distributions(name="example-robot-data"))
 """True if the PR2's URDF is there: 430 MB, the extra pr2."""
 
 
-def skip_without_pr2(words: str) -> None:
-    """Skip the test if a command with these words needs the PR2 and its URDF is not there."""
-    if "pr2" in words.split() and not HAS_PR2:
-        pytest.skip("the PR2's URDF is in the extra pr2")
+WITHOUT_PR2 = "the PR2's URDF is in the extra pr2"
+"""Why tests with the mark ``pr2`` are skipped where it is not there."""
+
+
+def robot_marks(command: str) -> tuple[pytest.MarkDecorator, ...]:
+    """Return the marks of a test that runs a command: ``pr2`` if it names that robot."""
+    return (pytest.mark.pr2,) if "pr2" in command.split() else ()
 
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome")

@@ -30,7 +30,7 @@ from click.testing import CliRunner
 from executive.cli.app import app
 from executive.runs.options import RunOptions, RunResult
 from planlang.ontology.reasoning import missing as reasoner_missing
-from tests.support.extras import HAS_PR2
+from tests.support.extras import HAS_PR2, WITHOUT_PR2
 from tests.support.pages import (
     CHECKOUT,
     ENDS_WITH_STATUS,
@@ -48,7 +48,7 @@ from tests.support.scenarios import CORPUS, Judged, judged_run, run_by
 
 NEEDS: tuple[tuple[str, Callable[[], bool], str], ...] = (
     (r"\w@\w|\bcorpus/", CORPUS.is_dir, "published files are not beside this checkout"),
-    (r"--robot pr2\b", lambda: HAS_PR2, "the PR2's URDF is in the extra pr2"),
+    (r"--robot pr2\b", lambda: HAS_PR2, WITHOUT_PR2),
     (r"--reason\b|owlready", lambda: reasoner_missing() is None, "a reasoner needs Java and the extra reason"),
     (r"--record\b", lambda: find_spec("rerun") is not None, "recordings need the extra record"),
 )

@@ -17,7 +17,6 @@ from tests.benchmarks.homes.furnishing import Home, NoRoom
 from tests.benchmarks.homes.tasks import TEMPLATES, Need, Task, drawn, module_of
 from tests.benchmarks.homes.trial import verdict, write
 from tests.benchmarks.homes.witness import Answer, Verdict, is_right_reason
-from tests.support.extras import skip_without_pr2
 
 Judged = Callable[[float, str, tuple[str, ...]], Verdict]
 FLAT_TEMPLATES = [name for name in TEMPLATES if module_of(name) == "flat_tasks"]
@@ -99,7 +98,6 @@ def judged(tmp_path: Path) -> Judged:
     """Return a function that asks the witness about the task of a seed in a flat with doorways of a width."""
 
     def verdict_of(width: float, robot: str, kinds: tuple[str, ...]) -> Verdict:
-        skip_without_pr2(robot)
         task = with_doorways(drawn("fetch_from_another_room", EASY), width)
         _, home = write(task, EASY, tmp_path)
         needs = tuple(need for need in task.needs if need.kind in kinds)
@@ -112,12 +110,16 @@ EASY = 4
 """A seed with a row of rooms, the thing at the edge of a table."""
 
 
-@pytest.mark.parametrize(("robot", "kinds"), [("amigo", ("pass", "grasp", "place")), ("pr2", ("pass",))])
+@pytest.mark.parametrize(
+    ("robot", "kinds"), [("amigo", ("pass", "grasp", "place")), pytest.param("pr2", ("pass",), marks=pytest.mark.pr2)]
+)
 def test_an_easy_flat_is_possible(judged: Judged, robot: str, kinds: tuple[str, ...]):
     assert judged(0.95, robot, kinds).answer is Answer.POSSIBLE
 
 
-@pytest.mark.parametrize(("robot", "width"), [("amigo", 0.62), ("pr2", 0.62), ("panda", 0.45)])
+@pytest.mark.parametrize(
+    ("robot", "width"), [("amigo", 0.62), pytest.param("pr2", 0.62, marks=pytest.mark.pr2), ("panda", 0.45)]
+)
 def test_a_doorway_that_is_narrower_than_the_base_is_impossible(judged: Judged, robot: str, width: float):
     found = judged(width, robot, ("pass",))
     assert (found.answer, found.kind) == (Answer.IMPOSSIBLE, "too narrow")

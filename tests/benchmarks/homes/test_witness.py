@@ -15,7 +15,6 @@ from sim import Body, Scene
 from sim.scene import Cavity, Handle
 from tests.benchmarks.homes.tasks import Need
 from tests.benchmarks.homes.witness import Answer, Verdict, Witness, is_right_reason
-from tests.support.extras import skip_without_pr2
 
 ROOM = Body("room1", Pose((0.0, 0.0, 1.3)), (5.0, 4.0, 2.6), "room")
 TABLE = Body("table1", Pose((1.6, 0.0, 0.37)), (0.8, 1.2, 0.74))
@@ -141,8 +140,8 @@ def test_a_sponge_that_no_hand_spans_is_pinched_from_above():
     assert decided([TABLE, sponge], GRASP).answer is Answer.POSSIBLE
 
 
+@pytest.mark.pr2
 def test_a_pot_is_taken_by_both_hands():
-    skip_without_pr2("pr2")
     handles = tuple(Handle(Pose((0.0, y, 0.05)), (0.07, 0.05, 0.015)) for y in (0.131, -0.131))
     pot = Body("pot1", Pose((1.5, 0.0, 0.8255)), (0.212, 0.212, 0.167), "cylinder", movable=True, mass=1.0, wall=0.006,
                hands=2, handles=handles)  # fmt: skip

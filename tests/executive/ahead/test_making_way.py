@@ -13,7 +13,6 @@ from planlang.failures import ContainerStuck, HandleNotReachable, LocationUnreso
 from planlang.geometry import Pose
 from planlang.language.recovery import Recovery
 from planlang.recoveries import open_what_is_in_the_way, step_back_and_repeat
-from tests.support.extras import skip_without_pr2
 from tests.support.leaves import Room, room, thing
 
 
@@ -81,8 +80,8 @@ def test_a_drawer_that_keeps_the_base_from_a_cup_is_closed_first(stack: ExitStac
 
 
 @pytest.mark.long
+@pytest.mark.pr2
 def test_a_refrigerator_whose_door_is_in_the_way_is_opened_further(stack: ExitStack) -> None:
-    skip_without_pr2("pr2")
     stage = open_by(refrigerator(), stack, "pr2", 1.1)
     stands_near(stage, stage.designator("cup"))
     assert stage.truth.joint("leaf") > 1.5

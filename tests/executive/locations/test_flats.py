@@ -10,7 +10,6 @@ from executive.belief.doorways import narrow_doorway
 from executive.motion import NoPath
 from planlang.designators import Object, a_location
 from planlang.geometry import Pose
-from tests.support.extras import skip_without_pr2
 from tests.support.flats import Flat, doorway, flat, in_flat, room_of
 from tests.support.leaves import thing
 
@@ -28,10 +27,9 @@ def test_amigo_drives_through_offset_doorways_of_eighty_centimetres(seed: int, c
         assert platform.drive.path(drawn.goal).positions[-1][:2] == pytest.approx(drawn.goal[:2])
 
 
-@pytest.mark.parametrize("robot", ["amigo", "pr2"])
+@pytest.mark.parametrize("robot", ["amigo", pytest.param("pr2", marks=pytest.mark.pr2)])
 @pytest.mark.parametrize("seed", FLATS)
 def test_search_and_base_agree_that_a_doorway_is_too_narrow(seed: int, robot: str) -> None:
-    skip_without_pr2(robot)
     drawn = flat(seed, (0.5, 0.5))
     with ExitStack() as stack:
         platform = in_flat(stack, drawn, robot)
@@ -103,9 +101,10 @@ def test_a_base_is_near_a_table_only_on_this_side_of_a_wall() -> None:
         assert platform.resolver.satisfies(stated, behind_the_wall) is not None
 
 
-@pytest.mark.parametrize(("robot", "carries"), [("amigo", False), ("amigo", True), ("pr2", True)])
+@pytest.mark.parametrize(
+    ("robot", "carries"), [("amigo", False), ("amigo", True), pytest.param("pr2", True, marks=pytest.mark.pr2)]
+)
 def test_where_the_outlines_are_off_everything_an_exact_check_finds_no_contact(robot: str, carries: bool) -> None:
-    skip_without_pr2(robot)
     drawn = flat(1, (0.8, 0.8))
     with ExitStack() as stack:
         platform = in_flat(stack, drawn, robot, carries=carries)

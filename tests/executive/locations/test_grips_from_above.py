@@ -9,7 +9,6 @@ import pytest
 from planlang.designators import a_location
 from planlang.geometry import Pose
 from tests.executive.conftest import BOTTLE
-from tests.support.extras import skip_without_pr2
 from tests.support.locations.oracle import Oracle
 from tests.support.locations.reach import judged
 from tests.support.locations.rooms import THE_BOTTLE, Room, box
@@ -22,13 +21,12 @@ ROOM = replace(BOTTLE, name="room", pose=Pose((0.0, 0.0, 1.3)), size=(6.0, 5.0, 
 @pytest.mark.parametrize(
     ("robot", "width", "shape", "grasp"),
     [
-        ("pr2", 0.07, "cylinder", "top"),
-        ("pr2", 0.075, "box", "tilted"),
+        pytest.param("pr2", 0.07, "cylinder", "top", marks=pytest.mark.pr2),
+        pytest.param("pr2", 0.075, "box", "tilted", marks=pytest.mark.pr2),
         ("amigo", 0.1, "cylinder", "top"),
     ],
 )
 def test_a_wide_tall_thing_is_gripped_from_above(robot: str, width: float, shape: str, grasp: str) -> None:
-    skip_without_pr2(robot)
     size = (width, width, 0.2)
     thing = replace(BOTTLE, pose=Pose((1.1, 0.0, 0.7)), size=size, shape=shape, iri=THE_BOTTLE.iri)
     room = Room("a table in an empty room", 0, (replace(ROOM, movable=False), TABLE, thing))

@@ -29,7 +29,6 @@ from planlang.protocols import Trajectory
 from tests.benchmarks.doors import opened
 from tests.executive.conftest import BOTTLE, Stage, hold_bottle
 from tests.support.examples import some
-from tests.support.extras import skip_without_pr2
 from tests.support.leaves import START, Room, drawn, room, thing
 
 OPEN, CLOSE = "OpeningAContainerArtifact", "ClosingAContainerArtifact"
@@ -304,10 +303,10 @@ def test_a_hand_that_opened_a_door_gets_away_from_its_handle(stack: ExitStack) -
     assert not stage.platform.arms.untucked()
 
 
+@pytest.mark.pr2
 def test_fingers_that_come_forward_as_they_close_on_a_flat_knob_stay_clear_of_what_is_behind_it(
     stack: ExitStack,
 ) -> None:
-    skip_without_pr2("pr2")
     back = (0.0, 0.0, 1.0, 0.0)
     oven = thing("oven", "Oven", Pose((0.9, 0.0, 0.7), back), (0.6, 0.6, 1.4), "leaf")
     knob = thing("leaf", "ControlKnob", Pose((0.5875, 0.0, 1.1), back), (0.025, 0.04, 0.04))

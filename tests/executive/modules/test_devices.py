@@ -18,7 +18,6 @@ from planlang.geometry import Pose
 from planlang.geometry.matrices import rigid
 from sim import PyBulletWorld
 from sim.joints import Controls
-from tests.support.extras import HAS_PR2
 from tests.support.leaves import room, thing, vocabulary
 
 ON, OFF = "TurningOnPoweredDevice", "TurningOffPoweredDevice"
@@ -186,7 +185,7 @@ def test_a_button_that_is_seen_elsewhere_is_pushed_there(stack: ExitStack) -> No
 
 
 @pytest.mark.long
-@pytest.mark.skipif(not HAS_PR2, reason="the PR2's URDF is in the extra pr2")
+@pytest.mark.pr2
 def test_a_knob_is_turned_and_turned_back(stack: ExitStack) -> None:
     oven = thing("oven", "Oven", Pose((0.9, 0.0, 0.5)) @ BACK, (0.6, 0.6, 1.0), "knob")
     knob = thing("knob", "ControlKnob", Pose((0.5875, 0.0, 0.9)) @ BACK, (0.025, 0.04, 0.04))

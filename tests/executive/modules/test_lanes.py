@@ -18,7 +18,6 @@ from planlang.files import bundled
 from planlang.geometry import Array, Pose
 from sim import Body
 from tests.executive.conftest import MakeStage
-from tests.support.extras import skip_without_pr2
 
 WIDTH, LENGTH = 0.07, 0.1
 """Of a sponge [m]."""
@@ -75,11 +74,10 @@ def test_all_that_is_free_between_things_is_wiped_though_it_is_narrow(make_stage
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", ["pr2", "panda"])
+@pytest.mark.parametrize("name", [pytest.param("pr2", marks=pytest.mark.pr2), "panda"])
 def test_a_table_at_a_wall_is_wiped_from_base_poses_that_reach_many_lanes(name: str) -> None:
     """Once the lanes at the wall came first, where the arm has no room, and nothing was wiped."""
     folder = Path(__file__).parents[2] / "strangers" / "wipe_side_table"
-    skip_without_pr2(name)
     home = folder / "home_pr2_4811_004.omn"
     robot = bundled("ontologies") / "robots" / f"{name}.toml"
     options = RunOptions(recipe=home.with_suffix(".r.omn"), robot=robot, environment=home, trust_map=name == "panda")

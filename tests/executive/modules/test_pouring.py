@@ -16,7 +16,6 @@ from planlang.designators import Action
 from planlang.failures import AmountNotPoured
 from sim import PyBulletWorld
 from sim.truth import held_by
-from tests.support.extras import skip_without_pr2
 from tests.support.scenarios import Judged, Scenario, Watched, judged
 
 POUR = """
@@ -33,10 +32,10 @@ Class: PourIt
 
 @pytest.mark.long
 @pytest.mark.parametrize("steps", [60, 161], ids=["held_over", "being_turned_back"])
+@pytest.mark.pr2
 def test_when_the_vessel_is_lost_in_mid_pour_only_the_rest_is_poured(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steps: int
 ) -> None:
-    skip_without_pr2("--robot pr2")
     step, over = PyBulletWorld.step, [0]
 
     def stepped(world: PyBulletWorld) -> None:

@@ -40,7 +40,6 @@ from planlang.language.source import PlanSource
 from planlang.language.tidying import tidied
 from planlang.runs import Past, RecordedRun, restore
 from sim.truth import held_by
-from tests.support.extras import skip_without_pr2
 from tests.support.leaves import Room
 from tests.support.room_doors import HERE, THERE, RoomDoor, flat
 
@@ -123,13 +122,12 @@ def test_what_a_shut_door_keeps_the_base_from_is_behind_it(stack: ExitStack, tmp
     [
         ("amigo", HERE, THERE),
         pytest.param("amigo", THERE, HERE, marks=pytest.mark.long),
-        pytest.param("pr2", HERE, THERE, marks=pytest.mark.long),
+        pytest.param("pr2", HERE, THERE, marks=[pytest.mark.long, pytest.mark.pr2]),
     ],
 )
 def test_a_door_is_opened_from_one_side_and_closed_from_the_other(
     stack: ExitStack, tmp_path: Path, robot: str, start: tuple[float, float, float], beyond: tuple[float, float, float]
 ) -> None:
-    skip_without_pr2(robot)
     stage = flat(stack, RoomDoor(), tmp_path, robot, start)
     stage.do(OPEN, "door")
     assert stage.truth.joint("door") > 0.9 * 1.57

@@ -20,7 +20,6 @@ from sim import Body
 from sim.scene import Handle
 from sim.truth import at_rest_on, held_by
 from tests.executive.conftest import PLACE, MakeStage, Stage, furnisher, model_of
-from tests.support.extras import skip_without_pr2
 
 TABLE = Body("table", Pose((1.3, 0.0, 0.37)), (0.6, 1.4, 0.74), type="KitchenTable")
 OTHER = Body("other", Pose((-1.5, 0.0, 0.36)), (0.8, 1.4, 0.72), type="KitchenTable")
@@ -34,10 +33,11 @@ THE_TRAY, THE_OTHER = an_object("Tray", PLACE + "tray"), an_object("KitchenTable
 TAKE = action("PickingUpAnObject", object_acted_on=THE_TRAY)
 Limbs = tuple[tuple[ArmModel, ...], object]
 
+pytestmark = pytest.mark.pr2
+
 
 @pytest.fixture(scope="module")
 def pr2() -> Robot:
-    skip_without_pr2("pr2")
     return bind_robot("pr2")
 
 

@@ -2,7 +2,7 @@
 
 import shutil
 from dataclasses import replace
-from importlib.metadata import PackageNotFoundError, distribution, distributions
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 import numpy as np
@@ -79,7 +79,7 @@ def test_the_real_urdf_of_amigo_can_be_given(corpus: Path) -> None:
 
 @pytest.mark.parametrize("name", ["PR2@hydro.owl", "pioneer@hydro.owl", "baxter@hydro.owl"])
 def test_another_robot_needs_its_urdf(corpus: Path, name: str) -> None:
-    if name.startswith("PR2") and any(distributions(name="example-robot-data")):
+    if name.startswith("PR2") and HAS_PR2:
         pytest.skip("the extra pr2 is installed, which has its URDF")
     with refusal("B008", naming="urdf=FILE"):
         bind_robot(corpus / "robots" / name)
@@ -178,7 +178,7 @@ def test_devices_are_matched_by_identity_else_by_side(amigo: Robot) -> None:
     assert amigo.arms_of(Device("Arm", "http://example.org/recipe.owl#leftArm")) == (left,)
 
 
-@pytest.mark.skipif(not HAS_PR2, reason="the PR2's URDF is in the extra pr2")
+@pytest.mark.pr2
 def test_hands_are_distinct_even_if_no_self_model_names_them() -> None:
     pr2 = bind_robot("pr2")
     assert [pr2.arms_of(arm.hand) for arm in pr2.arms] == [(arm,) for arm in pr2.arms]
