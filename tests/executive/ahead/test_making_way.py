@@ -82,7 +82,7 @@ def test_a_drawer_that_keeps_the_base_from_a_cup_is_closed_first(stack: ExitStac
 @pytest.mark.long
 @pytest.mark.pr2
 def test_a_refrigerator_whose_door_is_in_the_way_is_opened_further(stack: ExitStack) -> None:
-    stage = open_by(refrigerator(), stack, "pr2", 1.1)
+    stage = open_by(refrigerator(), stack, "pr2", 0.5)
     stands_near(stage, stage.designator("cup"))
     assert stage.truth.joint("leaf") > 1.5
 
