@@ -8,11 +8,14 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import asynccontextmanager, contextmanager
+from typing import Any
 
 import dask
 from distributed import LocalCluster, Worker
+
+from planlang.temporary import temporary_folder
 
 SETTINGS = {
     "distributed.admin.system-monitor.interval": "10s",
@@ -32,13 +35,13 @@ _START = "import sys; from executive.sweeps.local_cluster import work; work(*sys
 @asynccontextmanager
 async def local_cluster(threads: int) -> AsyncIterator[str]:
     """Start a cluster, and yield the address of its scheduler; a worker that ends is replaced."""
-    with quiet(), dask.config.set(SETTINGS):
+    with quiet(), dask.config.set(SETTINGS), temporary_folder() as folder:
         nowhere = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
         cluster = LocalCluster(n_workers=0, protocol="tcp://", scheduler_kwargs=nowhere, asynchronous=True)
         async with cluster:
             address = str(cluster.scheduler_address)
-            process = _worker(address, threads)
-            keeping = asyncio.create_task(_kept(process, address, threads))
+            command = [sys.executable, "-P", "-c", _START, address, str(threads), str(folder)]
+            keeping = asyncio.create_task(_kept(_worker(command), command))
             try:
                 yield address
             finally:
@@ -46,23 +49,22 @@ async def local_cluster(threads: int) -> AsyncIterator[str]:
                 await asyncio.wait([keeping])
 
 
-def _worker(address: str, threads: int) -> subprocess.Popen[bytes]:
+def _worker(command: Sequence[str]) -> subprocess.Popen[bytes]:
     """Start a worker process.
 
     That of dask would import the main program of the user again, whose sweep would begin anew.
     """
-    command = [sys.executable, "-P", "-c", _START, address, str(threads)]
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True)
 
 
-async def _kept(process: subprocess.Popen[bytes], address: str, threads: int) -> None:
+async def _kept(process: subprocess.Popen[bytes], command: Sequence[str]) -> None:
     """Replace a worker each time it ends; end it when this is cancelled."""
     try:
         while True:
             await asyncio.to_thread(process.wait)
             _end(process)
             await asyncio.sleep(RESTARTED_AFTER)
-            process = _worker(address, threads)
+            process = _worker(command)
     finally:
         _end(process)
 
@@ -72,15 +74,16 @@ def _end(process: subprocess.Popen[bytes]) -> None:
         process.kill()
 
 
-def work(address: str, threads: str) -> None:
+def work(address: str, threads: str, folder: str) -> None:
     """Be a worker, until the process that started this one ends."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with quiet(), dask.config.set(SETTINGS):
-        asyncio.run(_work(address, int(threads)))
+        asyncio.run(_work(address, int(threads), folder))
 
 
-async def _work(address: str, threads: int) -> None:
-    async with Worker(address, nthreads=threads, host="127.0.0.1", memory_limit=0, dashboard=False) as worker:
+async def _work(address: str, threads: int, folder: str) -> None:
+    here: dict[str, Any] = {"host": "127.0.0.1", "local_directory": folder, "dashboard": False}
+    async with Worker(address, nthreads=threads, memory_limit=0, **here) as worker:
         await worker.finished()
 
 
