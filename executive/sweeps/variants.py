@@ -34,7 +34,7 @@ class Variant:
     settings: Mapping[str, Any]
     """Its options by name; ``set`` has only parameters that it binds itself."""
     columns: Mapping[str, str]
-    """What varies in the sweep, in this variant: columns of its rows."""
+    """What varies in the sweep, in this variant: columns of its rows, empty for what it leaves at its default."""
 
     def options(self, common: SweepOptions) -> SweepOptions:
         """Options of a sweep of this variant alone."""
@@ -83,7 +83,7 @@ def _with_columns(found: Mapping[str, Mapping[str, Any]], options: SweepOptions)
     for name, settings in found.items():
         whole = _flat(_together(options, settings))
         common = {**_flat({key: getattr(options, key) for key in _varying()}), **whole}
-        cells = {one: _text(common[one]) for one in names if common.get(one) is not None}
+        cells = {one: _text(common[one]) if common.get(one) is not None else "" for one in names}
         yield Variant(name, settings, cells)
 
 
@@ -116,7 +116,7 @@ def _setting(name: str, given: Any) -> tuple[str, Any]:
     known, key = _varying(), name.lstrip("-").replace("-", "_")
     if key in known and key != "set":
         try:
-            return key, known[key].read([given]) if isinstance(given, str) else known[key].value(given)
+            return key, known[key].read([_at_home(given)]) if isinstance(given, str) else known[key].value(given)
         except ValueError as problem:
             raise WrongOption(Option("vary", {name: given}), f": {problem}") from None
         except BadInput as problem:
@@ -167,7 +167,7 @@ def _of_words(label: str, words: Sequence[str]) -> Mapping[str, Any]:
                 if not rest:
                     raise WrongOption(f"variant {label}: {word} needs a value")
                 text = rest.pop(0)
-        texts.setdefault(name, []).append(text)
+        texts.setdefault(name, []).append(_at_home(text))
     settings = dict[str, Any]()
     for name, given in texts.items():
         try:
@@ -177,6 +177,11 @@ def _of_words(label: str, words: Sequence[str]) -> Mapping[str, Any]:
         except BadInput as problem:
             raise WrongOption(f"variant {label}: ", problem.diagnostics[0].message) from None
     return settings
+
+
+def _at_home(text: str) -> str:
+    """Expand ``~/``, which a shell leaves alone within quotes and behind an equals sign."""
+    return os.path.expanduser(text) if text.startswith("~/") else text
 
 
 def _guessed(name: str) -> Text:

@@ -55,7 +55,9 @@ def test_a_variant_with_a_label_has_the_options_of_its_words() -> None:
         "modules": [Path("x.py"), Path("y.py")],
     }
     assert plain.settings == {}
-    assert plain.columns == {"recipe": "serve_a_drink", "robot": "amigo", "a": "z", "trust_map": "false"}
+    stated = {"recipe": "serve_a_drink", "robot": "amigo", "trust_map": "false", "a": "z"}
+    assert plain.columns == {**stated, "modules": "", "c": ""}
+    assert list(plain.columns) == list(mine.columns)
     whole = mine.options(made(SweepOptions, {"recipe": "x", "set": {"a": "z", "e": "f"}, "worlds": 3}))
     assert whole.set == {"a": "b", "e": "f", "c": "d"}
     assert (whole.worlds, whole.variant, whole.vary) == (3, None, None)
@@ -70,6 +72,17 @@ def test_labels_are_combined_with_what_varies() -> None:
     found = variants(variant=["a: --robot pr2", "b:"], vary=["bottle=x,y"])
     assert list(found) == ["a bottle=x", "a bottle=y", "b bottle=x", "b bottle=y"]
     assert found["a bottle=y"].settings == {"robot": "pr2", "set": {"bottle": "y"}}
+
+
+def test_files_at_home_are_found_although_the_shell_does_not_expand_their_names(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("HOME", "/home/ada")
+    assert variants(variant=["mine: ~/plan.py --robot ~/my.toml"])["mine"].settings == {
+        "recipe": "/home/ada/plan.py",
+        "robot": "/home/ada/my.toml",
+    }
+    assert variants(vary=["robot=~/my.toml,amigo"])["robot=/home/ada/my.toml"]
 
 
 def test_a_parameter_called_like_an_option_or_a_column_is_told_apart() -> None:
