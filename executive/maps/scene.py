@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -19,69 +19,17 @@ from executive.maps.in_hand import STOWED, is_in_hand
 from executive.maps.measures import stated_size
 from executive.maps.object_models import Blade
 from executive.maps.semantic_map import OPENINGS, SemanticMap
+from executive.maps.supports import GAP, Standing, on_floors
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, Span, note, settled, unread, warning
 from planlang.effects import number_of_class
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import moved, rotated
-from planlang.geometry.shapes import corners, footprint, inside
+from planlang.geometry.shapes import corners, footprint
 from planlang.ontology import shorten
 from sim import Body, Scene
 from sim.joints import Articulation, Control
 from sim.scene import GRASPABLE_WIDTH, LONGEST, THIN, BodyShape, Cavity, Handle
-
-PENETRATION = 0.02
-"""Greatest penetration of an object into its support [m]."""
-
-ROUNDING = 1e-6
-"""Tolerance for rounding errors [m]."""
-
-GAP = 0.03
-"""Greatest gap between an object and its support [m]: the accuracy of the cameras that made real maps."""
-
-FLOOR = "floor"
-"""Support of a body that stands on the ground."""
-
-
-class Standing:
-    """Finds what the bodies of a scene stand on."""
-
-    def __init__(self, scene: Scene, poses: Mapping[str, Pose] | None = None) -> None:
-        """Index the bodies by their bounding boxes; ``poses``, by name, override those of the scene."""
-        self._poses = {body.name: (poses or {}).get(body.name, body.pose) for body in scene.bodies}
-        self._scene = scene
-        solid = [body for body in scene.bodies if body.shape not in (BodyShape.MARKER, BodyShape.ROOM)]
-        self._names = [body.name for body in solid]
-        matrices = Pose.matrices(self._poses[name] for name in self._names)
-        half = np.array([body.size for body in solid]).reshape(-1, 3) / 2
-        self._centres, reach = matrices[:, :3, 3], rotated(np.abs(matrices[:, :3, :3]), half)
-        self._low, self._high = self._centres - reach, self._centres + reach
-
-    def support(self, name: str) -> str | None:
-        """Find the name of the body that a body stands on, or :data:`FLOOR`; None if it stands on nothing.
-
-        The support is the body with the highest top that is below the centre of the body, and from :data:`GAP` below
-        its lowest point to :data:`PENETRATION` above it.
-        """
-        pose = self._poses[name]
-        low, place = float(corners(pose, self._scene.body(name).size)[:, 2].min()), np.array(pose.position[:2])
-        best: tuple[float, str] | None = (0.0, FLOOR) if -PENETRATION <= low <= GAP else None
-        tops = self._high[:, 2]
-        near = (tops - PENETRATION - ROUNDING <= low) & (low <= tops + GAP + ROUNDING)
-        near &= ((self._low[:, :2] - ROUNDING <= place) & (place <= self._high[:, :2] + ROUNDING)).all(axis=1)
-        for other in (self._names[index] for index in np.flatnonzero(near).tolist()):
-            at, size = self._poses[other], self._scene.body(other).size
-            top = float(corners(at, size)[:, 2].max())
-            fits = other != name and top - PENETRATION <= low <= top + GAP
-            if fits and inside(footprint(at, size), pose.position):
-                best = max(best, (top, other)) if best else (top, other)
-        return best[1] if best else None
-
-
-def support_of(scene: Scene, name: str, poses: Mapping[str, Pose] | None = None) -> str | None:
-    """Find the support of one body: see :meth:`Standing.support`."""
-    return Standing(scene, poses).support(name)
-
 
 ROUND = (
     "DrinkingVessel",
@@ -167,6 +115,7 @@ def _built(semantic_map: SemanticMap, notes: list[Diagnostic]) -> Scene:
     bodies = [replace(body, shape=BodyShape.ROOM, movable=False) if body.iri in rooms else body for body in bodies]
     bodies, joints = articulated(bodies, semantic_map, notes)
     bodies = _opened(bodies, joints, semantic_map, notes)
+    bodies = on_floors(bodies, lambda vessel, things: notes.append(_inside_of(vessel, things, semantic_map)))
     bodies = with_contents(bodies, semantic_map, notes)
     if sum(body.shape is BodyShape.ROOM for body in bodies) > 1 or any(joint.frame for joint in joints):
         bodies = with_doorways(bodies, semantic_map, notes, joints)
@@ -300,6 +249,13 @@ def _opened(
             notes.append(warning("M014", message, span, help))
 
     return hollowed(bodies, joints, stated, compartments, report)
+
+
+def _inside_of(vessel: Body, things: Sequence[Body], semantic_map: SemanticMap) -> Diagnostic:
+    """Write the note about things on the floor of a hollow body, lower than the map states."""
+    stated, names = semantic_map.find(vessel.iri), ", ".join(one.name for one in things)
+    message = f"{names} inside {vessel.name}, which is hollow: on its floor, not at the height of its rim"
+    return note("M013", message, None if stated is None else stated.span)
 
 
 def _check_support(scene: Scene, semantic_map: SemanticMap, notes: list[Diagnostic]) -> None:

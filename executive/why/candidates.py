@@ -10,8 +10,8 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 
-from executive.maps.scene import FLOOR, Standing
 from executive.maps.single_changes import leaf_moved, option_set, things_away, things_moved
+from executive.maps.supports import FLOOR, Standing
 from executive.why.costs import cost_of
 from executive.why.evidence import Evidence
 from executive.why.free_places import is_free

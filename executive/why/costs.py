@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Container, Mapping, Sequence
 
-from executive.maps.scene import Standing
+from executive.maps.supports import Standing
 from planlang.advice import ABSENT, ATTEMPTS, BEFORE, POSITION, ROBOT, TRANSLATION, Change
 from planlang.geometry.areas import HAIR
 from sim import Scene

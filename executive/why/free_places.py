@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from executive.maps.scene import FLOOR
+from executive.maps.supports import FLOOR
 from planlang.geometry import Array, Pose
 from planlang.geometry.shapes import corners, footprint, inside
 from sim import Scene

@@ -126,6 +126,34 @@ def test_the_support_is_the_highest_surface_below() -> None:
     assert support_of(Scene((table, tray, cup)), "cup", {"cup": Pose((0.4, 0, 0.75))}) == "table"
 
 
+BOXES = {
+    "tray": ("Tray", (0.5, 0.4, 0.04), (0, 0, 0.02)),
+    "bowl": ("Bowl-Eating", (0.16, 0.16, 0.06), (0.15, 0, 0.07)),
+    "apple": ("FoodOrDrink", (0.07, 0.07, 0.07), (0.15, 0, 0.135)),
+    "cup": ("Cup", (0.08, 0.08, 0.1), (-0.1, 0.05, 0.09)),
+    "board": ("CuttingBoard", (0.55, 0.1, 0.02), (0, -0.13, 0.05)),
+}
+"""Class, extents and position of things stacked as solid boxes."""
+
+
+def test_what_the_map_states_at_the_height_of_a_rim_stands_on_the_floor_inside_with_all_on_it(
+    map_of: Read, thing: Write, seen: Write
+) -> None:
+    found: list[Diagnostic] = []
+    things = [thing(name, cls, size) for name, (cls, size, _) in BOXES.items()]
+    scene = scene_of(map_of(*things, *(seen(name, place) for name, (_, _, place) in BOXES.items())), found)
+    lowest = {body.name: body.pose.position[2] - body.size[2] / 2 for body in scene.bodies}
+    wall = {body.name: body.wall for body in scene.bodies}
+    on_tray, in_bowl = wall["tray"], wall["tray"] + wall["bowl"]
+    expected = {"tray": 0.0, "bowl": on_tray, "apple": in_bowl, "cup": on_tray, "board": 0.04}  # which is too long
+    assert lowest == pytest.approx(expected)
+    assert [support_of(scene, name) for name in ("bowl", "apple", "cup", "board")] == ["tray", "bowl", "tray", "tray"]
+    assert [note.message.split(",")[0] for note in found if note.code == "M013"] == [
+        "bowl",
+        "apple inside bowl",
+    ]
+
+
 def test_the_robot_starts_at_the_free_pose_nearest_the_centre(room: Scene) -> None:
     assert next(default_starts(room, 0.333)) == (0.0, 0.0, 0.0)
     table = Body("table", Pose((0.0, 0.0, 0.35)), (0.8, 1.2, 0.7))
