@@ -97,6 +97,8 @@ class Body:
     """Largest angle of its z axis from the vertical while carried [rad]; None if unrestricted."""
     hands: int = 1
     """Number of hands it takes to hold; it slips out of fewer."""
+    largest_drop: float = 0.0
+    """Greatest height from which things are dropped into it, above the bottom of its inside [m]; 0 for never."""
     kinds: tuple[str, ...] = field(default=(), repr=False, compare=False)
     """Its class and superclasses by local names, nearest first: determines its looks."""
 

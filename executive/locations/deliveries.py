@@ -38,6 +38,8 @@ LEANING = 0.7
 """Weight of offering a thing tilted, relative to level."""
 AS_IT_LAY = 0.5
 """Weight of putting a thing down as it lay, relative to upright."""
+DROPPED = 0.1
+"""Weight of letting a thing go above an open container, relative to putting it down in it."""
 BARELY_RAISED = 0.5
 """Weight of lowering a thing from just above its place, relative to from as high as there is room for it."""
 PARTICULAR, POOREST = 4, 0.001
@@ -132,11 +134,18 @@ class Spots:
     """Headroom of the thing there, (n,) [m], from where the hand lowers it."""
     turns_freely: bool = False
     """True for a round thing that stands: others may only be turned by half a turn."""
+    dropped: bool = False
+    """True where the thing is let go above what it falls into."""
 
     @property
     def is_upright(self) -> bool:
         """Whether the thing stands as it is meant to."""
         return self.attitude == UPRIGHT
+
+    @property
+    def weight(self) -> float:
+        """How natural it is to put the thing there in this way, 0..1."""
+        return (1.0 if self.is_upright else AS_IT_LAY) * (DROPPED if self.dropped else 1.0)
 
     def barely_raised(self) -> Spots:
         """Create the same ones with the least headroom, for hands or arms that do not get as high as the thing may."""
@@ -146,7 +155,7 @@ class Spots:
 def placing(name: str, spots: Spots, frame: HandFrame, held: Held, *, fine: bool) -> GraspCandidates:
     """Generate candidates that lower a held thing onto one of some spots, and retreat.
 
-    The better the score of a spot, the more natural it is; less so where the thing does not stand.
+    The better the score of a spot, the more natural it is; less so where the thing does not stand, or falls.
     """
     count = 2 if not spots.turns_freely else HEADINGS if fine else HEADINGS // 2
     at, turn = (grid.ravel() for grid in np.meshgrid(np.arange(len(spots.places)), np.arange(count), indexing="ij"))
@@ -166,7 +175,7 @@ def placing(name: str, spots: Spots, frame: HandFrame, held: Held, *, fine: bool
         np.full(len(at), grasp, np.intp),
         yaws + heading,
         np.full(len(at), roll, np.intp),
-        (1.0 if spots.is_upright else AS_IT_LAY) * np.clip(shares**PARTICULAR, POOREST, 1.0)[at],
+        spots.weight * np.clip(shares**PARTICULAR, POOREST, 1.0)[at],
     ).best(1200 if fine else 64)
 
 

@@ -13,6 +13,7 @@ from executive.belief.floor import CELL as FLOOR_CELL
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.changes import Changes, IsFeasible, WhatLacks, with_supports
+from executive.locations.dropping import undroppable
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
 from executive.locations.hand_predicates import Stage, candidates_of, narrowest, narrowest_grip, unknown_fit
 from executive.locations.inverse_maps import InverseMaps
@@ -98,6 +99,8 @@ def explain_bases(
         log.changes = () if advice is None else advice.changes
     if advice is None and (instead := explanation.excluded() or explanation.no_hold()):
         measured, helping = instead, ""
+    if advice is None and reason not in BASES:
+        measured = "; ".join(filter(None, (measured, explanation.not_dropped())))
     if measured or helping:
         # of a long reason the last clause is told first: what helps, else what was measured
         told = (helping, measured) if advice is None else (measured, helping)
@@ -310,6 +313,11 @@ class _Explanation:
         if self.reach.kind is ReachKind.OFFER:
             return ""
         return self._too_far() or self._nearest(self._gap())
+
+    def not_dropped(self) -> str:
+        """Say why what a hand holds is not let go above the container that it is to go into; "" if it may be."""
+        held = (self.scene.arms.held(arm.name) for arm in self.arms)
+        return next((said for one in held if one and (said := undroppable(self.reach, one.name, self.scene))), "")
 
     def excluded(self) -> str:
         """Return that a relation of the location leaves none of the candidates; "" if others left some out, too."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.deliveries import BARELY_RAISED, Spots, held_above, offering, placing
 from executive.locations.demands import ThingDemand, hand_terms, put_demand
+from executive.locations.dropping import drop_heights
 from executive.locations.grasp_candidates import (
     APPROACH,
     CLASSES,
@@ -294,19 +295,22 @@ def delivering(
 def spots_of(reach: Reach, name: str, scene: PlanningScene, rejections: Rejections, stage: Stage) -> tuple[Spots, ...]:
     """Find where a thing may be put down, in each attitude some of the best: independent of how it is held.
 
-    They do not depend on the base pose either; whether it reaches them is tested next.
+    They do not depend on the base pose either; whether it reaches them is tested next. It is dropped only where it is
+    not put down in a natural way.
     """
     demand, oblique = put_demand(reach, name, scene), stage is Stage.CLOSEST
     boxes, _ = scene.collisions.boxes_but((name,))
     found = []
-    for attitude in attitudes(scene.bodies.pose(name)):
-        placement = Placement(name, demand, scene, near=False, oblique=oblique, attitude=attitude)
+    heights = (None, *(drop_heights(reach, name, scene) if stage > Stage.NATURAL else ()))
+    for attitude, above_rim in ((one, height) for one in attitudes(scene.bodies.pose(name)) for height in heights):
+        placement = Placement(name, demand, scene, near=False, oblique=oblique, attitude=attitude, above_rim=above_rim)
         places, scores = placement.spots(rejections)
         good = int((scores >= GOOD[stage] * scores.max(initial=0.0)).sum())
         chosen = _spread(places[:good], MOST_SPOTS[stage])
         block = placement.block(attitude)
         rooms = headroom(block, places[chosen], boxes)
-        found.append(Spots(attitude, places[chosen], scores[chosen], rooms, block.round))
+        dropped = above_rim is not None
+        found.append(Spots(attitude, places[chosen], scores[chosen], rooms, block.round, dropped))
     return tuple(found)
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.demands import ThingDemand
+from executive.locations.dropping import insides, open_above
 from executive.locations.leaf_ways import ways_of
 from executive.locations.rejections import Rejections, unmet
 from executive.motion import clearance_at
@@ -74,6 +75,10 @@ class Placement:
     """True if things that are not round may also stand at 45 degrees to the edges of their support."""
     attitude: Pose = UPRIGHT
     """Rotation of the object at yaw 0, among :func:`attitudes`; it stands upright by default."""
+    above_rim: float | None = None
+    """Height of its lowest point above the rim of what it is dropped into [m]; None if it is put down.
+
+    The places are then those where it is let go."""
 
     def spots(self, log: Rejections) -> tuple[Array, Array]:
         """Find places and yaws (n, 4) of the object's box centre, in its attitude, and scores (n,), best first.
@@ -120,6 +125,9 @@ class Placement:
         centres = centres[~in_the_way]
         room = self._room(upright, centres, self._others())
         crowded = room < FREE
+        if self.above_rim is not None:  # better where it falls to the bottom, and not onto other things
+            clear = self._room(upright, centres, self._others(), self._fall())
+            room = np.minimum(room, np.maximum(clear, FREE))
         log.refuse("no room for the object", centres[crowded])
         for body in self._crowding(upright, centres[crowded]):
             log.blocking[body] += 1
@@ -195,26 +203,21 @@ class Placement:
             zones = [bodies.zone(person).points() for person, inside in demand.people if inside]
             return np.concatenate([np.zeros((0, 3)), *zones])
         if demand.on is None:
+            inner = insides(where, self.scene) or [bodies.block(where)]
+            if self.above_rim is not None:
+                inner = open_above(where, self.scene)
             rooms = [
-                self._on_floor(upright, room, room.low, log)
-                for room in self._rooms(where)
+                self._on_floor(upright, room, self._released_at(room), log)
+                for room in inner
                 if height <= room.high - room.low
             ]
             return np.concatenate([np.zeros((0, 3)), *rooms])
         floor = bodies.rests_at(where)
         return np.zeros((0, 3)) if floor is None else self._on_floor(upright, bodies.block(where), floor, log)
 
-    def _rooms(self, where: str) -> list[Block]:
-        """List the spaces inside a body: above its floor and shelves if it is hollow, else the whole body."""
-        bodies = self.scene.bodies
-        pose, (x, y, z) = bodies.pose(where), bodies.size(where)
-        rooms = []
-        for cavity in self.scene.world.scene.body(where).cavities:  # they may extend beyond the body where it is open
-            ends = [np.array(cavity.centre) + sign * np.array(cavity.size) / 2 for sign in (-1, 1)]
-            low, high = np.clip(ends, (-x / 2, -y / 2, -z / 2), (x / 2, y / 2, z / 2))
-            if (high > low).all():
-                rooms.append(Block.of(pose @ Pose(tuple(((low + high) / 2).tolist())), tuple((high - low).tolist())))
-        return rooms or [bodies.block(where)]
+    def _released_at(self, room: Block) -> float:
+        """Height of the floor of a space inside a body [m], or of what would be one where the object is let go."""
+        return room.low if self.above_rim is None else room.high + self.above_rim
 
     def _on_floor(self, upright: Block, block: Block, floor: float, log: Rejections) -> Array:
         """Sample places (m, 3) for the object's centre on a floor at a height, over a block's outline.
@@ -249,13 +252,25 @@ class Placement:
         """Collect the boxes of everything but the object and its support."""
         return self.scene.collisions.boxes_but((self.name, self.demand.on or ""))[0]
 
-    def _room(self, upright: Block, centres: Array, boxes: Boxes) -> Array:
-        """Compute the clearance (m,) around the object at places (m, 3), from boxes."""
+    def _fall(self) -> float:
+        """Compute how far the object falls to the highest floor that it is dropped on [m]."""
+        assert self.demand.inside is not None
+        assert self.above_rim is not None
+        depth = min(room.high - room.low for room in open_above(self.demand.inside, self.scene))
+        return self.above_rim + depth
+
+    def _below(self, upright: Block) -> float:
+        """Compute how far below the object there has to be room, too [m]: one that is dropped gets below the rim."""
+        return 0.0 if self.above_rim is None else self.above_rim + upright.high - upright.low
+
+    def _room(self, upright: Block, centres: Array, boxes: Boxes, below: float | None = None) -> Array:
+        """Compute the clearance (m,) around the object at places (m, 3), and as far ``below``, from boxes."""
+        below = self._below(upright) if below is None else below
         offsets, radius = _covering(upright)
         room = np.full(len(centres), np.inf)
         for z in np.unique(centres[:, 2]):
             level = centres[:, 2] == z
-            band = _band(upright, float(z), radius)
+            band = _band(upright, float(z), radius, below)
             spots = (centres[level, None, :2] + offsets).reshape(-1, 2)
             room[level] = clearance_at(spots, boxes, (band,)).reshape(-1, len(offsets)).min(axis=1)
         return room
@@ -263,10 +278,11 @@ class Placement:
     def _crowding(self, upright: Block, centres: Array) -> list[str]:
         """Name the bodies that occupy some of the places for the object's centre."""
         boxes, bodies = self.scene.collisions.boxes_but((self.name, self.demand.on or ""))
+        below = self._below(upright)
         some = centres[:: max(1, len(centres) // 16)]
         crowding: dict[str, None] = {}
         for z in dict.fromkeys(some[:, 2].tolist()):
-            places, band = some[some[:, 2] == z, :2], _band(upright, z, max(upright.half_x, upright.half_y))
+            places, band = some[some[:, 2] == z, :2], _band(upright, z, max(upright.half_x, upright.half_y), below)
             for index, body in enumerate(bodies):
                 if body not in crowding and clearance_at(places, boxes.only(index), (band,)).min() < FREE:
                     crowding[body] = None
@@ -285,10 +301,10 @@ def attitudes(pose: Pose) -> tuple[Pose, ...]:
     return UPRIGHT, Pose.from_matrix(lying)
 
 
-def _band(block: Block, z: float, radius: float) -> tuple[float, float, float]:
-    """Band that an object occupies with its centre at a height, from just above its support."""
+def _band(block: Block, z: float, radius: float, below: float) -> tuple[float, float, float]:
+    """Band that an object occupies with its centre at a height, from just above its support, which is ``below`` it."""
     half = (block.high - block.low) / 2
-    return z - half - ABOVE_SURFACE + FLAT, z + half, radius
+    return z - half - ABOVE_SURFACE - below + FLAT, z + half, radius
 
 
 def _points_at(block: Block, area: Region) -> bool:

@@ -124,6 +124,9 @@ def _with_content(body: Body, portions: Sequence[Portion], types: tuple[str, ...
     if capacity is None:
         capacity = numbers.of_classes(types, "capacity")
     blade = numbers.of_classes(types, "bladeLength") or 0.0
+    if not body.movable:
+        drop = numbers.of_thing(body.iri, "largestDrop")
+        body = replace(body, largest_drop=(numbers.of_classes(types, "largestDrop") or 0.0) if drop is None else drop)
     if body.movable and (tilt := numbers.of_classes(types, "largestTilt")) is not None:
         body = replace(body, largest_tilt=math.radians(tilt))
     if body.movable and (hands := numbers.of_classes(types, "handsNeeded")) is not None:
