@@ -1,4 +1,4 @@
-"""Tasks that robots fell short of in homes of strangers: both hands, any cup, bowls, lying bottles, pots, edges."""
+"""Tasks that robots fell short of in homes of strangers: two hands, cups, bowls, lying bottles, pots, edges; bins."""
 
 from __future__ import annotations
 
@@ -195,3 +195,15 @@ def pot_with_water(home: Home) -> Task:
     steps = moves([pot], place("on-Physical", table))
     wanted = all_of(goals.on(pot, table), goals.contains(pot, amount))
     return task_of(home, "pot_with_water", steps, wanted, [pot], takes_and_puts([pot], table))
+
+
+@template
+def into_the_bin(home: Home) -> Task:
+    """Throw something small into a waste basket at a wall."""
+    home.room("Kitchen")
+    begin = some_table(home)
+    thing = home.thing(home.one_of(("can", "sponge")), begin, where=somewhere(home))
+    home.clutter(begin, 2)
+    basket = home.furniture("waste_basket", wall=True)
+    steps, wanted = moves([thing], place("in-ContGeneric", basket)), goals.inside(thing, basket)
+    return task_of(home, "into_the_bin", steps, wanted, [thing], takes_and_puts([thing], basket))

@@ -78,6 +78,7 @@ FURNITURE: Mapping[str, Extents] = {
     "counter": Extents("CounterTop", (0.6, 0.65), (0.8, 2.4), (0.85, 0.95)),
     "sideboard": Extents("Cabinet-PieceOfFurniture", (0.35, 0.5), (0.8, 1.6), (0.7, 0.95)),
     "bed": Extents("Bed-PieceOfFurniture", (1.9, 2.1), (0.9, 1.0), (0.45, 0.65)),
+    "waste_basket": Extents("WasteBasket", (0.22, 0.35), (0.22, 0.35), (0.28, 0.6)),
     "chair": Extents("Chair-PieceOfFurniture", (0.42, 0.5), (0.42, 0.5), (0.43, 0.47)),
     "sofa": Extents("Sofa-PieceOfFurniture", (0.8, 0.95), (1.5, 2.1), (0.42, 0.46)),
 }
