@@ -15,6 +15,7 @@ from itertools import islice
 
 import numpy as np
 
+from executive.locations.shut_ways import check_way_to
 from executive.modules.furniture.leaf_pushing import LeafStrokes
 from executive.modules.platform import Platform
 from executive.modules.runner import Skill
@@ -28,6 +29,7 @@ from planlang.failures import (
     EnvironmentManipulationFailure,
     LookingFailure,
     ManipulationGoalNotReached,
+    ManipulationPoseUnreachable,
     ObjectNowhereToBeFound,
     PerceptionFailure,
     PlanFailure,
@@ -37,7 +39,7 @@ from planlang.geometry.matrices import inverse, moved
 from planlang.geometry.shapes import corners
 from planlang.language.performing import actions_around, perform
 from planlang.language.process_module import process_module
-from planlang.motion_constraints import MotionConstraint, a_constraint, a_feature
+from planlang.motion_constraints import ConstraintsUnsatisfied, MotionConstraint, a_constraint, a_feature
 from planlang.protocols import Trajectory
 from planlang.records import dataclass
 from sim import BodyShape
@@ -139,7 +141,13 @@ class ThingStrokes(StrokeWork):
         self._action, self._name, self._goal, self._lead = action, name, goal, LEAD
 
     async def push(self) -> None:
-        """Push until the object is at its goal. Raises ManipulationGoalNotReached if it does not arrive."""
+        """Push until the object is at its goal.
+
+        Raises BehindClosedDoor if a door between rooms keeps the base from it, ManipulationPoseUnreachable if no hand
+        gets behind it, and ManipulationGoalNotReached if it does not arrive.
+        """
+        if not self.platform.belief.seen_from_here(self._name):
+            check_way_to(self.platform.scene, self._name)
         await Skill(
             self._ways,
             self._pushed,
@@ -166,6 +174,18 @@ class ThingStrokes(StrokeWork):
         if tried < PUSHES:
             missing = f"no straight path to its goal is free for {self._name}"
         return problem or ManipulationGoalNotReached(missing, what=self._name)
+
+    def _out_of_reach(self, problem: ConstraintsUnsatisfied) -> ManipulationPoseUnreachable:
+        """Make the failure of a push for which no hand gets behind the object, with what would help."""
+        name, block = self._name, problem.blocked_by
+        blocked = "" if block is None else f", because {block} is in the way"
+        support = self.platform.scene.world.support(name)
+        edge = "" if support is None else f" nearer to the edge of {support}"
+        message = (
+            f"no hand gets behind {name} to push it{blocked}: move it{edge}, "
+            "clear the space around it, or push it elsewhere (toLocation)"
+        )
+        return ManipulationPoseUnreachable(message, arm=problem.arm, what=name, blocked_by=block)
 
     def _is_free(self, goal: Array) -> bool:
         """Check whether an object can move straight to a position (2,) without collision and stay on its support."""
@@ -213,7 +233,10 @@ class ThingStrokes(StrokeWork):
         reach = platform.scene.bodies.block(name).support(heading)
         points = self._points(before, goal, reach + self._lead)
         places = np.column_stack([moved(inverse(before.matrix()), points[:, :3]), points[:, 3]])
-        lap = await self.stroke(grounding, plane, places, closed=False)
+        try:
+            lap = await self.stroke(grounding, plane, places, closed=False)
+        except ConstraintsUnsatisfied as problem:  # many of its constraints are none that a recipe states
+            raise self._out_of_reach(problem) from None
         link, length = arm.tip, float(np.hypot(*push))
         progress = arm.chain.fk(lap.positions)[:, :2, 3] @ _ahead(heading - platform.base()[2])
         end = int(progress.argmax())
@@ -294,7 +317,7 @@ class Pushing(StrokeWork):
     async def execute(self, action: Action) -> tuple[str, ...]:
         """Push ``object_acted_on`` to its goal; return (), as no constraint is dropped.
 
-        Raises ManipulationGoalNotReached if it does not arrive.
+        Raises BehindClosedDoor, ManipulationPoseUnreachable, and ManipulationGoalNotReached if it does not arrive.
         """
         platform, what = self.platform, self.object_of(action, "push")
         with suppress(PerceptionFailure, LookingFailure):

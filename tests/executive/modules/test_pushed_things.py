@@ -1,8 +1,11 @@
-"""Pushing things: where a thing is believed to be when the push ends before its time."""
+"""Pushing things: what keeps a hand from it, and where a thing is believed to be when the push ends before its time."""
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,14 +13,15 @@ import pytest
 
 from executive.modules.furniture.pushing import ThingStrokes
 from executive.modules.tools.motion_grounding import Grounding
-from planlang import perform, pursue, sleep
+from planlang import SimulationHost, explain, perform, pursue, run, sleep
 from planlang.designators import action, an_object
-from planlang.failures import ObjectNotFound
+from planlang.failures import BehindClosedDoor, ManipulationPoseUnreachable, ObjectNotFound
 from planlang.geometry import Pose
-from planlang.motion_constraints import a_constraint, a_feature
+from planlang.motion_constraints import ConstraintsUnsatisfied, a_constraint, a_feature
 from planlang.protocols import Trajectory
 from sim import Body
 from tests.executive.conftest import PLACE, MakeStage
+from tests.support.room_doors import RoomDoor, flat
 
 TABLE = Body("table", Pose((1.3, 0.0, 0.37)), (0.8, 1.4, 0.74), type="KitchenTable")
 SHORTER = replace(TABLE, name="shorter", pose=Pose((1.05, 0.0, 0.37)), size=(0.3, 1.4, 0.74))
@@ -81,3 +85,39 @@ def test_without_a_camera_a_thing_that_a_hand_does_not_feel_is_not_believed_to_b
         stage.run(lambda: perform(PUSH))
     assert caught.value.what == "box"
     assert stage.belief.pose("box") == BOX.pose
+
+
+def test_the_shut_door_that_keeps_the_base_from_a_thing_to_push_is_named(stack: ExitStack, tmp_path: Path) -> None:
+    stated = {
+        "table": ("KitchenTable", "3.5 0 0.37", "0.7 1.2 0.74"),
+        "parcel": ("CardboardBox", "3.3 0.1 0.8", "0.12 0.16 0.12"),
+    }
+    more = "\n".join(
+        f"Individual: {name}\n    Types: knowrob:{cls}\n"
+        f'    Facts: knowrob:translation "{at}", knowrob:boundingBoxSize "{size}"\n'
+        for name, (cls, at, size) in stated.items()
+    )
+    stage = flat(stack, RoomDoor(more=more), tmp_path)
+    push = action("PushingMotion", object_acted_on=stage.designator("parcel"), distance_translated=0.15)
+    with pytest.raises(BehindClosedDoor, match="parcel is behind door, which is closed") as shut:
+        run(partial(perform, push), host=SimulationHost(stage.truth), executive=stage.executive)
+    assert shut.value.door == stage.designator("door")
+
+
+def test_where_no_hand_gets_behind_a_thing_it_is_said_in_a_sentence_what_to_change(
+    make_blind: MakeStage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage = make_blind(TABLE, BOX)
+    stage.belief.trusts_map = True
+
+    async def stroke(*_: Any, **__: Any) -> Trajectory:
+        raise ConstraintsUnsatisfied("these constraints contradict each other", blocked_by="shelf")
+
+    monkeypatch.setattr(ThingStrokes, "stroke", stroke)
+    with pytest.raises(ManipulationPoseUnreachable) as caught:
+        stage.run(lambda: perform(PUSH))
+    said = str(caught.value)
+    assert "shelf is in the way" in said
+    assert "nearer to the edge of table" in said
+    assert len(said.split()) <= 40
+    assert "contradict" not in explain(caught.value)
