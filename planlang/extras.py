@@ -30,15 +30,21 @@ def install_command(extra: str) -> str:
 
 def no_recorder() -> list[Diagnostic]:
     """Report an error (C012) if the package for recordings is not installed."""
-    if find_spec("rerun") is not None:
-        return []
-    advice = Text(f"{install_command('record')}, or leave out ", Option("record"))
-    return [error("C012", "a recording needs the package rerun-sdk, which is not installed", help=advice)]
+    return _missing("record", "rerun-sdk", "a recording", "record", module="rerun")
 
 
 def no_cluster() -> list[Diagnostic]:
     """Report an error (C012) if the package for clusters is not installed."""
-    if find_spec("distributed") is not None:
+    return _missing("cluster", "distributed", "a cluster", "on")
+
+
+def no_parquet() -> list[Diagnostic]:
+    """Report an error (C012) if the package for Parquet is not installed."""
+    return _missing("parquet", "pyarrow", "a Parquet file", "parquet")
+
+
+def _missing(extra: str, package: str, what: str, option: str, module: str | None = None) -> list[Diagnostic]:
+    if find_spec(module or package) is not None:
         return []
-    advice = Text(f"{install_command('cluster')}, or leave out ", Option("on"))
-    return [error("C012", "a cluster needs the package distributed, which is not installed", help=advice)]
+    advice = Text(f"{install_command(extra)}, or leave out ", Option(option))
+    return [error("C012", f"{what} needs the package {package}, which is not installed", help=advice)]

@@ -1,8 +1,8 @@
 """Writing files: completely or not at all, and never over a file that planlang did not write.
 
 Every output carries a mark near its start or end: plans their header, traces their first record, pictures a text chunk
-(PNG) or a comment (SVG, DOT, Mermaid), videos their metadata. A file with the mark may be replaced; any other needs
-the option ``force``.
+(PNG) or a comment (SVG, DOT, Mermaid), JUnit a comment, videos and Parquet their metadata. A file with the mark may be
+replaced; any other needs the option ``force``.
 
 The header of a plan is its first docstring: its origin, the compiler's options, and a digest that reveals edits::
 
@@ -43,6 +43,8 @@ PNG, PNG_OR_SVG, WEBP = (".png",), (".png", ".svg"), (".webp",)
 """Suffixes of pictures and videos."""
 _TAIL = 200
 """Bytes at the end of an animated WebP that hold its mark."""
+_PARQUET, _FOOTER = b"PAR1", 1_000_000
+"""First and last bytes of a Parquet file, and the most bytes of its footer that are searched for the mark."""
 _AFTER_IHDR = 33
 """Bytes of a PNG up to the end of its first chunk: signature (8), and IHDR with 13 bytes of data (12 + 13)."""
 _COMMENTS = {".svg": "<!-- {} -->", ".dot": "// {}", ".gv": "// {}", ".mmd": "%% {}"}
@@ -189,7 +191,7 @@ ADVICE = {
 def is_replaceable(path: Path) -> bool:
     """Check that writing to a path loses nothing: no file, an empty file, a device, or a file with the mark.
 
-    At most 10,000 bytes are read, and nothing from devices and pipes, which may never end.
+    At most a million bytes are read, and nothing from devices and pipes, which may never end.
     """
     if not os.path.isfile(path) or is_device(path):
         return True
@@ -199,6 +201,9 @@ def is_replaceable(path: Path) -> bool:
             if start.startswith(_RIFF) and start[8:12] == _WEBP:
                 file.seek(max(0, path.stat().st_size - _TAIL))
                 return MARK.encode() in file.read(_TAIL)
+            if start.startswith(_PARQUET):
+                file.seek(max(0, path.stat().st_size - _FOOTER))
+                return MARK.encode() in file.read(_FOOTER)
     except OSError:
         return False
     if not start.strip() or start.startswith(_TRACE):

@@ -115,6 +115,10 @@ class Sheet:
         paper = f'<rect width="{width}" height="{height}" fill="{_hex(PAPER)}"/>'
         return "\n".join([head, f"<!-- {MARK} -->", paper, *self.pen.elements, "</svg>", ""])
 
+    def _repr_svg_(self) -> str:
+        """The drawing, for notebooks."""
+        return self.svg()
+
     def paste(self, other: Sheet, at: tuple[int, int], height: int | None = None) -> None:
         """Copy another sheet, or its upper ``height`` oversampled pixels, onto this one."""
         width, full_height = other.image.size

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Annotated
 
 from executive.options.declaring import argument, option, output, output_folder
+from executive.options.results import Csv, ResultFiles
 from executive.options.running import (
     Accept,
-    Csv,
     Environment,
     Force,
     IgnoreUnread,
@@ -33,7 +33,7 @@ from executive.options.running import (
 )
 from planlang.diagnostics import WrongOption
 from planlang.records import dataclass
-from planlang.words import Option
+from planlang.words import Option, Text
 
 
 class Detail(Enum):
@@ -260,9 +260,17 @@ class SweepMergeArguments(Arguments):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SweepTableArguments(Arguments):
+class SweepTableArguments(ResultFiles, Arguments):
     """Print the table of a recorded sweep, or compare several, world by world."""
 
     files: Annotated[list[Path], argument(metavar="FILE...", help="Files written by planlang sweep --output.")]
-    csv: Csv = None
+    reports: Annotated[
+        list[Path] | None,
+        option(
+            metavar="FOLDER",
+            help=Text(
+                "Pages of worlds that the sweep wrote, for links of ", Option("report"), "; one folder per file."
+            ),
+        ),
+    ] = None
     force: Force = False

@@ -12,7 +12,7 @@ from executive import api
 from executive.cli.arguments import CompareArguments, SweepArguments
 from executive.cli.console import Answer, ExitCode, printer_of, progress_of, say, show, silent
 from executive.cli.progress import PROGRESS
-from executive.cli.sweep_table import counted, exit_code, write_csv
+from executive.cli.sweep_table import counted, exit_code
 from executive.sweeps import Row
 from executive.sweeps.records import CRASHED, Done, is_reached
 from executive.sweeps.variants import variants_of
@@ -54,8 +54,6 @@ def watched(arguments: SweepArguments | CompareArguments) -> tuple[list[Row], in
         done = [rows[key] for key in sorted(rows)]
         say(_how_to_go_on(arguments, len(done), total))
         return done, total, False
-    if arguments.csv is not None:
-        write_csv(arguments.csv, all_rows)
     return all_rows, total, True
 
 

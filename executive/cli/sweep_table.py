@@ -9,13 +9,13 @@ from typing import Any
 
 from executive.cli.arguments import SweepTableArguments
 from executive.cli.console import Answer, ExitCode
-from executive.options.declaring import check_written
 from executive.runs.files import refuse
 from executive.runs.options import Outcome
 from executive.sweeps import Row
 from executive.sweeps.comparison import Comparison, comparison_of, notes_on
 from executive.sweeps.files import Sweep, read_sweep
 from executive.sweeps.records import is_reached
+from executive.sweeps.results import check_results, pages_of, write_results
 from executive.sweeps.table import causes, csv_text, shares, table
 from planlang.diagnostics import Diagnostic, warning
 from planlang.outputs import write_text
@@ -26,20 +26,26 @@ MOST_NAMED = 10
 
 def command(arguments: SweepTableArguments) -> Answer:
     """Print the table. Raises BadInput for a file that is not a sweep."""
-    refuse(check_written(arguments, SweepTableArguments, {str(file): file for file in arguments.files}))
+    refuse(check_results(arguments, SweepTableArguments, {str(file): file for file in arguments.files}))
     sweeps = [read_sweep(file) for file in arguments.files]
-    if len(sweeps) > 1:
-        return _compared(arguments, sweeps)
-    if arguments.csv is not None:
-        write_csv(arguments.csv, sweeps[0].rows)
-    return answered(sweeps[0])
-
-
-def _compared(arguments: SweepTableArguments, sweeps: Sequence[Sweep]) -> Answer:
-    """Answer with a comparison of sweeps, each a variant, or several if it has some."""
     comparison = comparison_of(sweeps)
-    if arguments.csv is not None:
-        write_csv(arguments.csv, comparison.rows)
+    rows = comparison.rows if len(sweeps) > 1 else sweeps[0].rows
+    title = ", ".join(sweep.file for sweep in sweeps)
+    write_results(arguments, title, rows, comparison, _pages(arguments.reports or (), sweeps, comparison.rows))
+    return _compared(sweeps, comparison) if len(sweeps) > 1 else answered(sweeps[0])
+
+
+def _pages(reports: Sequence[Path], sweeps: Sequence[Sweep], rows: Sequence[Row]) -> dict[tuple[Any, Any], Path]:
+    """Pages of worlds, of which the sweeps wrote some to the folders of the same numbers."""
+    found, rest = dict[tuple[Any, Any], Path](), list(rows)
+    for sweep, folder in zip(sweeps, reports, strict=False):
+        own, rest = rest[: len(sweep.rows)], rest[len(sweep.rows) :]
+        found |= pages_of(folder, sweep.rows, own, list(sweep.variants))
+    return found
+
+
+def _compared(sweeps: Sequence[Sweep], comparison: Comparison) -> Answer:
+    """Answer with a comparison of sweeps, each a variant, or several if it has some."""
     problems = [*notes_on(sweeps), *(one for sweep in sweeps for one in _incomplete(sweep))]
     return Answer(ExitCode.DONE, tuple(problems), str(comparison), comparison.as_json())
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -12,14 +11,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from executive.options.declaring import as_json, check_written, stated, values_of
+from executive.options.declaring import as_json, stated, values_of
+from executive.options.results import ResultFiles
 from executive.options.running import SituationSettings, SweepOptions
 from executive.runs.files import RecipeFile, refuse
 from executive.runs.options import RunOptions
 from executive.runs.prepared import prepared
 from executive.sweeps import Row, World, run
+from executive.sweeps.comparison import Comparison
 from executive.sweeps.installations import check_options, installation
 from executive.sweeps.records import LIMITS, Done
+from executive.sweeps.results import check_results, page_file, pages_of, write_results
 from executive.sweeps.variants import Variant, variants_of
 from planlang.diagnostics import BadInput, Diagnostic, warning
 from planlang.language.source import PlanSource
@@ -41,6 +43,8 @@ def swept(
 ) -> list[Row]:
     """Run a sweep, or the rest of it, and return its rows: of each world in turn that of each variant. Raises BadInput.
 
+    Once all worlds are done, the files that show the results are written.
+
     ``announce`` gets diagnostics before the first world, ``resumed`` the rows of an earlier call, ``finished`` each
     world that is done, ``say`` sentences on what happens to a cluster.
     """
@@ -48,9 +52,9 @@ def swept(
     parts = [_Part(options, one, number) for number, one in enumerate(variants)] or [_Part(options)]
     seeds = range(options.first, options.first + options.worlds)
     for part in parts:
-        refuse(check_written(options, SweepOptions, dict(part.inputs())))
+        refuse(check_results(options, SweepOptions, dict(part.inputs())))
     announce([*dict.fromkeys(one for part in parts for one in part.files.notes), *_other_worlds(parts)])
-    return run(
+    rows = run(
         [part.world(seed) for seed in seeds for part in parts],
         JOB,
         options.on,
@@ -72,6 +76,19 @@ def swept(
         told=finished,
         resumed=resumed,
     )
+    _write(options, rows, parts)
+    return rows
+
+
+def _write(options: SweepOptions, rows: Sequence[Row], parts: Sequence[_Part]) -> None:
+    """Write the files that show the results; a sweep without variants is one, called as its recipe."""
+    if not any(values_of(options, ResultFiles).values()):
+        return
+    title = parts[0].named
+    variants = {one.variant.name: one.variant.columns for one in parts if one.variant is not None}
+    alike = rows if variants else [{**row, "variant": title, "seed": row["world"]} for row in rows]
+    comparison = Comparison.of(alike, variants or {title: {}})
+    write_results(options, title, rows, comparison, pages_of(options.reports, rows, alike, list(variants)))
 
 
 class _Part:
@@ -131,15 +148,9 @@ class _Part:
             world["columns"] = {"variant": self.variant.name, "seed": seed, **self.variant.columns}
             world["programs"] = self._programs
         if self.options.reports is not None:
-            world["report"] = str(self.options.reports / self._folder / f"world-{seed}.html")
+            name = None if self.variant is None else self.variant.name
+            world["report"] = str(page_file(self.options.reports, seed, name, self._number))
         return world
-
-    @property
-    def _folder(self) -> str:
-        """Folder for the pages of a variant: its name, as far as file systems have the characters."""
-        if self.variant is None:
-            return ""
-        return f"{self._number + 1}-{re.sub(r'[^A-Za-z0-9=.,_-]+', '_', self.variant.name)}"
 
     @cached_property
     def _programs(self) -> str:
@@ -171,7 +182,8 @@ def _again(options: SweepOptions, part: _Part) -> Call | None:
     """Return the call that runs the rest of a sweep; None if nothing of it is kept."""
     if options.output is None:
         return None
-    values = {**dict(stated(options, SweepOptions)), "output": options.output, "csv": options.csv}  # files are shown
+    values = {**dict(stated(options, SweepOptions)), "output": options.output}
+    values |= values_of(options, ResultFiles)  # files only show, and are not among those stated
     texts: dict[str, object] = {
         "vary": [f"{name}={text}" for name, each in (options.vary or {}).items() for text in _texts(each)],
         "shard": None if options.shard is None else "/".join(map(str, options.shard)),

@@ -24,6 +24,7 @@ from executive.options.declaring import (
     written,
 )
 from executive.options.engines import LOCAL, engine, seconds
+from executive.options.results import ResultFiles
 from executive.options.varying import labelled, varied
 from planlang.designators import GRASPS
 from planlang.diagnostics import BadInput, WrongOption, error
@@ -121,7 +122,6 @@ IgnoreUnread = Annotated[
         in_header=InHeader("ignores_unread"),
     ),
 ]
-Csv = Annotated[Path | None, written("Also write the rows as CSV.")]
 On = Annotated[
     str,
     option(
@@ -315,7 +315,7 @@ class RunSettings(SituationSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SweepOptions(SituationSettings):
+class SweepOptions(SituationSettings, ResultFiles):
     """Options of one run in many worlds."""
 
     recipe: RecipeOrPlan
@@ -379,7 +379,6 @@ class SweepOptions(SituationSettings):
             is_repeatable=True,
         ),
     ] = None
-    csv: Csv = None
     reports: Annotated[
         Path | None,
         option(metavar="FOLDER", help="Write an HTML page of each world in which the plan fails; its run is repeated."),

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import os
 import statistics
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from itertools import combinations
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from executive.runs.files import refuse
 from executive.sweeps.files import Sweep, different_values
 from executive.sweeps.paired import (
     LEVEL,
@@ -22,10 +25,14 @@ from executive.sweeps.paired import (
     worlds_needed,
 )
 from executive.sweeps.records import Row, is_reached
-from executive.sweeps.table import wilson
 from planlang import notebooks
 from planlang.diagnostics import Diagnostic, Span, note, warning
+from planlang.outputs import PNG_OR_SVG, check_outputs, replace, write_text
+from planlang.proportions import wilson
 from planlang.records import dataclass
+
+if TYPE_CHECKING:
+    from planlang.sheets import Sheet
 
 HEAD = ("variant", "worlds", "reached", "", "95 %", "plan time", "")
 """Heads of the columns of variants; plan time is the median where the goal was reached."""
@@ -172,7 +179,49 @@ class Comparison:
                 for one in self.pairs
             ),
         )
-        return variants + pairs
+        return variants + pairs if self.pairs else variants
+
+    @property
+    def by_variant(self) -> Mapping[str, Sequence[Row]]:
+        """Rows of each variant, sorted by seed."""
+        rows = sorted(self.rows, key=_by_seed)
+        return {one.name: [row for row in rows if row["variant"] == one.name] for one in self.variants}
+
+    @property
+    def figure(self) -> Sheet:
+        """Goals reached with intervals, worlds not yet reached over plan time, and causes; notebooks show it."""
+        from executive.sweeps.figures import figure  # Pillow is slow to import, and most comparisons are not drawn
+
+        return figure(self.by_variant)
+
+    def plot(self, path: str | os.PathLike[str], *, force: bool = False) -> Path:
+        """Write the figure as PNG or SVG, and return the path.
+
+        ``force`` overwrites a file that planlang did not write. Raises BadInput if the file cannot be written.
+        """
+        target = Path(path)
+        refuse(check_outputs({"plot": target}, {}, formats={"plot": PNG_OR_SVG}, force=force))
+        replace(target, self.figure.save)
+        return target
+
+    def report(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        title: str = "Comparison",
+        pages: Mapping[tuple[str, Any], Path] | None = None,
+        force: bool = False,
+    ) -> Path:
+        """Write an HTML page with tables, figures and the worlds that differ, and return its path.
+
+        ``pages`` are files to link: variant and seed -> page of that world. ``force`` and errors are those of ``plot``.
+        """
+        from executive.sweeps.comparison_page import page
+
+        target = Path(path)
+        refuse(check_outputs({"report": target}, {}, force=force))
+        write_text(target, page(title, self, pages, target.parent))
+        return target
 
 
 def comparison_of(sweeps: Sequence[Sweep]) -> Comparison:

@@ -14,7 +14,7 @@ from statistics import NormalDist
 import numpy as np
 import numpy.typing as npt
 
-from executive.sweeps.table import wilson
+from planlang.proportions import wilson
 from planlang.records import dataclass
 
 LEVEL = 0.05

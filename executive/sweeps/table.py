@@ -12,12 +12,11 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from executive.sweeps.records import CRASHED, Row, first_sentence, is_reached
+from planlang.proportions import wilson
 from planlang.records import dataclass
 from planlang.visible import visible
 
 REACHED = "reached"
-_Z = statistics.NormalDist().inv_cdf(0.975)
-"""Two-sided 95 % quantile of the standard normal distribution."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,16 +42,6 @@ class Cause:
     repeat: str
 
 
-def wilson(count: int, total: int) -> tuple[float, float]:
-    """95 % confidence interval of a probability from ``count`` of ``total`` trials (Wilson score interval)."""
-    if total == 0:
-        return 0.0, 1.0
-    share, square = count / total, _Z * _Z / total
-    middle = (share + square / 2) / (1 + square)
-    half = _Z / (1 + square) * math.sqrt(share * (1 - share) / total + square / (4 * total))
-    return max(0.0, middle - half), min(1.0, middle + half)
-
-
 def shares(rows: Sequence[Row]) -> list[Share]:
     """Count the worlds by outcome; "reached", "failed" and "crashed" come first."""
     counts = Counter({REACHED: 0, "failed": 0, CRASHED: 0})
@@ -61,17 +50,29 @@ def shares(rows: Sequence[Row]) -> list[Share]:
 
 
 def causes(rows: Sequence[Row]) -> list[Cause]:
+    """The causes of failure, most frequent first."""
+    return [cause for cause, _ in rows_by_cause(rows)]
+
+
+def rows_by_cause(rows: Sequence[Row]) -> list[tuple[Cause, Sequence[Row]]]:
     """Group failed worlds by cause, most frequent first; messages that differ only in numbers are one cause."""
     found: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
         if not is_reached(row):
-            name, sentence = _cause(row)
+            name, sentence = cause_of(row)
             found.setdefault((name, re.sub(r"\d+(\.\d+)?", "#", sentence)), []).append(row)
     ranked = sorted(found.items(), key=lambda item: -len(item[1]))
     return [
-        Cause(name, _cause(same[0])[1], len(same), same[0]["world"], str(same[0].get("repeat", "")))
+        (Cause(name, cause_of(same[0])[1], len(same), same[0]["world"], str(same[0].get("repeat", ""))), same)
         for (name, _), same in ranked
     ]
+
+
+def cause_of(row: Row) -> tuple[str, str]:
+    """Classes of a world's failure and its causes, and the first sentence of the message."""
+    failure = row.get("failure") or [_outcome(row)]
+    sentence = first_sentence(str(row.get("message") or row.get("cause") or ""))
+    return " < ".join(map(str, failure)), sentence.removeprefix(f"{failure[0]}: ")
 
 
 def table(rows: Sequence[Row], total: int | None = None) -> str:
@@ -119,10 +120,3 @@ def _outcome(row: Row) -> str:
         return REACHED
     outcome = str(row.get("outcome"))
     return "goal not reached" if outcome == "done" else outcome
-
-
-def _cause(row: Row) -> tuple[str, str]:
-    """Classes of a world's failure and its causes, and the first sentence of the message."""
-    failure = row.get("failure") or [_outcome(row)]
-    sentence = first_sentence(str(row.get("message") or row.get("cause") or ""))
-    return " < ".join(map(str, failure)), sentence.removeprefix(f"{failure[0]}: ")

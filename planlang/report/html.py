@@ -18,7 +18,7 @@ from typing import Any
 
 PAGE = Path(__file__).parent / "page"
 SCRIPTS = (
-    *("model", "clock", "list", "tree", "details", "failures", "notes", "story"),
+    *("theme", "model", "clock", "list", "tree", "details", "failures", "notes", "story"),
     *("search", "lanes", "tracks", "scene", "aim", "legend", "map", "graph", "keys", "live", "main"),
 )
 """Files of the page's script in order of dependence."""
@@ -84,9 +84,9 @@ def hash_of(text: str) -> str:
 @cache
 def _sources() -> tuple[str, str, str]:
     """Template, style and script of a page."""
-    names = ("index.html", "style.css", *(f"{name}.js" for name in SCRIPTS))
-    template, style, *scripts = [(PAGE / name).read_text(encoding="utf-8") for name in names]
-    return template, style, "\n".join(['"use strict";', "(() => {", *scripts, "})();", ""])
+    names = ("index.html", "palette.css", "style.css", *(f"{name}.js" for name in SCRIPTS))
+    template, palette, style, *scripts = [(PAGE / name).read_text(encoding="utf-8") for name in names]
+    return template, palette + style, "\n".join(['"use strict";', "(() => {", *scripts, "})();", ""])
 
 
 @cache

@@ -25,7 +25,7 @@ from executive.runs.assembly import RobotExecutive
 from executive.runs.options import Outcome, RunOptions
 from executive.sweeps import Row
 from executive.sweeps import run as sweep
-from executive.sweeps.table import wilson
+from planlang.proportions import wilson
 from planlang.testing import compiled
 from planlang.testing.running import attempt
 from planlang.testing.script import Script

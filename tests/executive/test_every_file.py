@@ -47,9 +47,17 @@ OUTPUTS = {
     "run --update-map": f"run {IN_ROOM} --update-map {{}}",
     "sweep --output": f"sweep {IN_ROOM} --worlds 1 --out {{}}",
     "sweep --csv": f"sweep {IN_ROOM} --worlds 1 --csv {{}}",
+    "sweep --parquet": f"sweep {IN_ROOM} --worlds 1 --parquet {{}}",
+    "sweep --plot": f"sweep {IN_ROOM} --worlds 1 --plot {{}}.png",
+    "sweep --report": f"sweep {IN_ROOM} --worlds 1 --report {{}}",
+    "sweep --junit": f"sweep {IN_ROOM} --worlds 1 --junit {{}}",
     "sweep-merge --output": "sweep-merge sweep.jsonl --out {}",
     "sweep-merge --csv": "sweep-merge sweep.jsonl --out merged.jsonl --csv {}",
     "sweep-table --csv": "sweep-table sweep.jsonl --csv {}",
+    "sweep-table --parquet": "sweep-table sweep.jsonl --parquet {}",
+    "sweep-table --plot": "sweep-table sweep.jsonl --plot {}.png",
+    "sweep-table --report": "sweep-table sweep.jsonl --report {}",
+    "sweep-table --junit": "sweep-table sweep.jsonl --junit {}",
     "report --output": "report run.jsonl -o {}",
     "why --apply": f"why run.jsonl {IN_ROOM} --apply {{}}",
     "why --report": f"why run.jsonl {IN_ROOM} --report {{}}",
@@ -104,7 +112,15 @@ INPUTS = {
 ELSEWHERE = {
     *("enable --folder", "enable --trace", "sweep --reports", "pull --output", "serve --access-log"),
     *("delete --key-file", "rate --key-file", "watch --key-file", "push --key-file", "enable --modules"),
-    *("enable --ontologies", "enable --urdf", "locate --urdf", "locate --ontologies", "robot inspect --urdf"),
+    *(f"compare --{name}" for name in ("output", "csv", "parquet", "plot", "report", "junit", "reports")),
+    *(
+        "sweep-table --reports",
+        "enable --ontologies",
+        "enable --urdf",
+        "locate --urdf",
+        "locate --ontologies",
+        "robot inspect --urdf",
+    ),
 }
 """Options that need a server or a long run first, or are read by the code of another command."""
 

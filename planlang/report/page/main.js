@@ -59,17 +59,9 @@ function tellMissing(...more) {
   byId("missing").replaceChildren(...notes.map((one) => el("p", {}, one)));
 }
 
-const dark = matchMedia("(prefers-color-scheme: dark)");
-let chosenTheme = null;
-function paintTheme() {
-  document.documentElement.classList.toggle("dark", chosenTheme ?? dark.matches);
+const paintTheme = followTheme(() => {
   scene.recolour();
   lanes.paint();
-}
-dark.addEventListener("change", paintTheme);
-byId("theme").addEventListener("click", () => {
-  chosenTheme = !document.documentElement.classList.contains("dark");
-  paintTheme();
 });
 
 function print() {

@@ -7,7 +7,8 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
 from executive.sweeps import Row
-from executive.sweeps.table import causes, wilson
+from executive.sweeps.table import causes
+from planlang.proportions import wilson
 from tests.benchmarks.homes.witness import is_right_reason
 
 BEGIN, END = "<!-- begin of the table of homes -->", "<!-- end of the table of homes -->"

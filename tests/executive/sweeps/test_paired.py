@@ -26,7 +26,7 @@ from executive.sweeps.paired import (
     power,
     worlds_needed,
 )
-from executive.sweeps.table import wilson
+from planlang.proportions import wilson
 
 COUNTS = st.builds(Counts, *[st.integers(0, 60)] * 4)
 

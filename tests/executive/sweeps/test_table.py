@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from executive.sweeps.table import causes, csv_text, shares, table, wilson
+from executive.sweeps.table import causes, csv_text, shares, table
+from planlang.proportions import wilson
 
 
 def row(world: int, outcome: str, *failure: str, message: str = "", **more: Any) -> dict[str, Any]:
