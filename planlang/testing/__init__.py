@@ -2,7 +2,8 @@
 
 General layout: ``running`` runs a plan; ``script`` and ``scripted`` are the robot, ``faults`` are injected failures;
 ``history`` answers questions from the trace; ``exploring`` searches for schedules that change the outcome;
-``extensions`` enumerates the orders of a partial order; ``plugin`` is the pytest plugin.
+``extensions`` enumerates the orders of a partial order; ``plugin`` is the pytest plugin, with tests in many
+``worlds``.
 """
 
 from planlang.runs import TaskNode as Step

@@ -1,6 +1,7 @@
 """The pytest plugin: fixtures ``scripted_run`` and ``script``, readable counts, short tracebacks, and options.
 
 ``--plan-trace`` shows the task tree of each plan that a failing test ran; ``--planlang-report`` writes an HTML report.
+``--planlang-worlds`` and ``--planlang-world`` choose worlds (:mod:`planlang.testing.worlds`).
 """
 
 from __future__ import annotations
@@ -13,19 +14,25 @@ from typing import Any
 import pytest
 
 from planlang.kernel.tracebacks import VARIABLE, without_internals
-from planlang.testing import running
+from planlang.testing import running, worlds
 from planlang.testing.history import Count
 from planlang.testing.running import PlanRun, run_plan
 from planlang.testing.script import Script
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add ``--plan-trace`` and ``--planlang-report``."""
+    """Add the options of the plugin."""
     group = parser.getgroup("planlang")
     group.addoption("--plan-trace", action="store_true", help="show the task tree of the plans that a failing test ran")
     group.addoption(
         "--planlang-report", metavar="DIR", type=Path, help="write an HTML report of each plan that a failing test ran"
     )
+    worlds.add_options(group)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Add what repeats tests over worlds."""
+    config.pluginmanager.register(worlds.Worlds(config), "planlang-worlds")
 
 
 @pytest.fixture

@@ -14,12 +14,14 @@ BELOW = ("planlang", "executive", "sim")
 FACES = (
     "executive/cli/",
     "planlang/testing/plugin.py",  # options of pytest
+    "planlang/testing/worlds.py",
     "executive/templates/",  # files of users
 )
 OF_OTHERS = {
     "executive/options/declaring.py": {"--output"},  # declared
     "executive/options/recipes.py": {"--scopes", "--no-scopes", "--dataflow", "--no-dataflow"},
     "executive/options/running.py": {"--output", "--out"},
+    "executive/sweeps/figures.py": {"--ink", "--faint", "--paper", "--line"},  # properties of style sheets
     "planlang/outputs.py": {"--no-scopes", "--no-dataflow"},  # in the header of a plan, which is a file
     "planlang/ontology/reasoning.py": {"--all-unsat", "--inconsistent", "--ignore-imports"},  # options of Openllet
     "executive/robots/draft.py": {"planlang robot"},  # in the head of the file that it makes
