@@ -203,11 +203,11 @@ class Worlds:
     def pytest_runtestloop(self, session: pytest.Session) -> Generator[None, object, object]:
         """Report a failed test for each whose share of worlds is below its bound."""
         result = yield
-        for one in self._results.values():
-            if not one.is_enough:
-                text = "\n".join(one.lines())
-                failed = pytest.TestReport(one.test, one.location, {}, "failed", text, "call")
-                session.config.hook.pytest_runtest_logreport(report=failed)
+        failed = [one for one in self._results.values() if not one.is_enough]
+        session.testscollected += len(failed)  # for the progress in the terminal
+        for one in failed:
+            report = pytest.TestReport(one.test, one.location, {}, "failed", "\n".join(one.lines()), "call")
+            session.config.hook.pytest_runtest_logreport(report=report)
         return result
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:

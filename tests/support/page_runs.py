@@ -50,6 +50,7 @@ NEEDS: tuple[tuple[str, Callable[[], bool], str], ...] = (
     (r"\w@\w|\bcorpus/", CORPUS.is_dir, "published files are not beside this checkout"),
     (r"--robot pr2\b", lambda: HAS_PR2, WITHOUT_PR2),
     (r"--reason\b|owlready", lambda: reasoner_missing() is None, "a reasoner needs Java and the extra reason"),
+    (r"--parquet\b", lambda: find_spec("pyarrow") is not None, "Parquet needs the extra parquet"),
     (r"--record\b", lambda: find_spec("rerun") is not None, "recordings need the extra record"),
 )
 """What some commands and programs need: a pattern of these, whether it is there, and what to say if not."""

@@ -78,3 +78,5 @@ def test_the_notebook_runs_in_a_kernel_and_shows_its_results(tmp_path: Path) -> 
     assert shown["run"]["text/html"].startswith("<iframe")
     assert shown["seeds"]["text/html"].count("<tr") == 12, "two lines of head, and ten runs"
     assert shown["plot"]["image/png"]
+    assert "different, new reaches the goal more often" in shown["compare"]["text/html"]
+    assert shown["figure"]["image/svg+xml"].startswith("<svg")
