@@ -12,7 +12,7 @@ from executive.sweeps.comparison import Comparison
 def command(arguments: CompareArguments) -> Answer:
     """Run the variants, or the rest of their worlds, and compare them. Raises BadInput as the run of one world does."""
     variants = compared_variants(arguments)
-    rows, _, is_done = watched(arguments)
+    rows, _, is_done = watched(arguments, "compare")
     comparison = Comparison.of(rows, variants)
     code = ExitCode.DONE if is_done else ExitCode.INTERRUPTED
     return Answer(code, (), str(comparison), comparison.as_json())

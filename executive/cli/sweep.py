@@ -26,10 +26,10 @@ def command(arguments: SweepArguments) -> Answer:
     return counted(rows, total, code, variants=[one.name for one in variants_of(arguments)])
 
 
-def watched(arguments: SweepArguments | CompareArguments) -> tuple[list[Row], int, bool]:
+def watched(arguments: SweepArguments | CompareArguments, command: str = "sweep") -> tuple[list[Row], int, bool]:
     """Run a sweep with its progress; returns its rows, the number of worlds in all, and False if it was interrupted.
 
-    The rows are then those that were done. Raises BadInput as the run of one world does.
+    The rows are then those that were done. Advice names the ``command``. Raises BadInput as the run of one world does.
     """
     rows: dict[Any, Row] = {}
     part, parts = arguments.shard or (1, 1)
@@ -48,7 +48,9 @@ def watched(arguments: SweepArguments | CompareArguments) -> tuple[list[Row], in
 
     announce = silent if arguments.json else partial(show, detail=arguments.detail)
     try:
-        all_rows = api.sweep(arguments, announce=announce, finished=finished, resumed=resumed, say=tell)
+        all_rows = api.sweep(
+            arguments, announce=announce, finished=finished, resumed=resumed, say=tell, command=command
+        )
     except KeyboardInterrupt:
         PROGRESS.close()
         done = [rows[key] for key in sorted(rows)]

@@ -15,7 +15,7 @@ from planlang.words import Option
 def compared(options: SweepOptions) -> Comparison:
     """Run a sweep of at least two variants, or the rest of it, and compare them. Raises BadInput."""
     variants = compared_variants(options)
-    return Comparison.of(swept(options), variants)
+    return Comparison.of(swept(options, command="compare"), variants)
 
 
 def compared_variants(options: SweepOptions) -> Mapping[str, Mapping[str, str]]:

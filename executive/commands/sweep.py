@@ -26,7 +26,7 @@ from executive.sweeps.variants import Variant, variants_of
 from planlang.diagnostics import BadInput, Diagnostic, warning
 from planlang.language.source import PlanSource
 from planlang.shell import quoted
-from planlang.words import COMMAND_LINE, Call, Option, Text, calling
+from planlang.words import COMMAND_LINE, Blank, Option, Text, calling
 
 JOB, READS = "executive.commands.swept_world:ended", "executive.commands.swept_world:assembled"
 _WALL_PER_CPU = 5.0
@@ -40,13 +40,14 @@ def swept(
     finished: Callable[[Done], object] = lambda done: None,
     resumed: Callable[[Sequence[Row]], object] = lambda rows: None,
     say: Callable[[str], object] = lambda line: None,
+    command: str = "sweep",
 ) -> list[Row]:
     """Run a sweep, or the rest of it, and return its rows: of each world in turn that of each variant. Raises BadInput.
 
     Once all worlds are done, the files that show the results are written.
 
     ``announce`` gets diagnostics before the first world, ``resumed`` the rows of an earlier call, ``finished`` each
-    world that is done, ``say`` sentences on what happens to a cluster.
+    world that is done, ``say`` sentences on what happens to a cluster. Advice names the ``command`` that was given.
     """
     variants = variants_of(options)
     parts = [_Part(options, one, number) for number, one in enumerate(variants)] or [_Part(options)]
@@ -71,7 +72,7 @@ def swept(
         together=len(parts),
         cluster_wait=options.cluster_wait,
         reads=READS,
-        resume=_again(options, parts[0]),
+        resume=_again(command, options, parts[0]),
         say=say,
         told=finished,
         resumed=resumed,
@@ -178,10 +179,10 @@ class _Part:
             yield f"{before}content of {name}", hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def _again(options: SweepOptions, part: _Part) -> Call | None:
-    """Return the call that runs the rest of a sweep; None if nothing of it is kept."""
+def _again(command: str, options: SweepOptions, part: _Part) -> Text:
+    """Say how to run the rest of a sweep, of which nothing is kept without a file."""
     if options.output is None:
-        return None
+        return Text(Option("output", Blank("FILE")), " keeps what is done, so that the rest can be run later")
     values = {**dict(stated(options, SweepOptions)), "output": options.output}
     values |= values_of(options, ResultFiles)  # files only show, and are not among those stated
     texts: dict[str, object] = {
@@ -192,7 +193,7 @@ def _again(options: SweepOptions, part: _Part) -> Call | None:
     if all(isinstance(words, list) for words in (options.variant or {}).values()):  # as the command line has them
         texts["variant"] = [f"{name}: {shlex.join(words)}" for name, words in (options.variant or {}).items()]
     values |= {name: text for name, text in texts.items() if name in values}
-    return calling("sweep", part.named, **values)
+    return Text("run the rest with ", calling(command, part.named, **values))
 
 
 def _texts(values: Sequence[Any]) -> list[str]:

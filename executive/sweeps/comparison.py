@@ -25,6 +25,7 @@ from executive.sweeps.paired import (
     worlds_needed,
 )
 from executive.sweeps.records import Row, is_reached
+from executive.sweeps.table import outcome_of
 from planlang import notebooks
 from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.outputs import PNG_OR_SVG, check_outputs, replace, write_text
@@ -226,11 +227,12 @@ class Comparison:
 
 def comparison_of(sweeps: Sequence[Sweep]) -> Comparison:
     """Compare sweeps in the worlds that they have in common; each is a variant, or has some."""
-    rows, variants = list[Row](), dict[str, Mapping[str, str]]()
+    rows, variants, files = list[Row](), dict[str, Mapping[str, str]](), set[str]()
     for sweep in sweeps:
         file = sweep.file
-        while file in variants:  # a file compared with itself
+        while file in files:  # a file compared with itself
             file += " again"
+        files.add(file)
         own = {name: f"{file}: {name}" for name in sweep.variants}
         variants |= {own[name]: columns for name, columns in sweep.variants.items()} if own else {file: {}}
         for row in sweep.rows:
@@ -266,7 +268,7 @@ def _counts(first: Mapping[Any, Row], second: Mapping[Any, Row]) -> Counts:
 def _share(name: str, settings: Mapping[str, str], rows: Sequence[Row]) -> VariantShare:
     reached = [row for row in rows if is_reached(row)]
     times = [row["duration"] for row in reached if "duration" in row]
-    others = Counter(str(row.get("outcome")) for row in rows if not is_reached(row))
+    others = Counter(outcome_of(row) for row in rows if not is_reached(row))
     del others["failed"]
     median = statistics.median(times) if times else None
     interval = wilson(len(reached), len(rows))

@@ -27,7 +27,6 @@ from executive.sweeps.local_cluster import quiet
 from executive.sweeps.records import Done, Task, World
 from executive.sweeps.supervised import LOST, crashed
 from planlang.diagnostics import BadInput, error
-from planlang.words import Text
 
 POLLED_EVERY = 1.0
 """Time between two looks at which workers there are [s]."""
@@ -339,7 +338,8 @@ class Dispatcher:
 
     def _say_waiting(self, what: str) -> None:
         wait = self._task.cluster_wait
-        self._report(f"{what}: {self._left} worlds run once workers join; waits up to {wait:g} s for one")
+        runs = "run" if self._left > 1 else "runs"
+        self._report(f"{what}: {_number(range(self._left))} {runs} once workers join; waits up to {wait:g} s for one")
 
     def _check_wait(self) -> None:
         """Give up if there was no worker for too long. Raises BadInput."""
@@ -349,8 +349,7 @@ class Dispatcher:
             f"the cluster of {self._address} had no worker for {self._task.cluster_wait:g} s; "
             f"{self._left} of {self._total} worlds have not run"
         )
-        help = None if self._task.resume is None else Text("run the rest with ", self._task.resume)
-        raise BadInput([error("C036", message, help=help)])
+        raise BadInput([error("C036", message, help=self._task.resume)])
 
     async def _leave(self, client: Client) -> None:
         """End the processes of the sweep on all workers, and disconnect."""

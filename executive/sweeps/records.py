@@ -8,7 +8,7 @@ from typing import Any
 
 from executive.processes.workers import Limits
 from planlang.records import dataclass
-from planlang.words import Call
+from planlang.words import Text
 
 World = Mapping[str, Any]
 """Input of a job (JSON): ``world``, a unique key (number or text), and whatever else the job needs.
@@ -63,8 +63,8 @@ class Task:
     """Time without a worker after which a sweep on a cluster gives up [s]."""
     reads: str | None = None
     """Importable function that reads the files of a world as the job does; workers elsewhere get these files."""
-    resume: Call | None = None
-    """Call that runs the worlds that are left."""
+    resume: Text | None = None
+    """How to run the worlds that are left, as advice to who called."""
     say: Callable[[str], object] = lambda line: None
     """Gets sentences on what happens to a cluster."""
 

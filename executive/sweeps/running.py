@@ -16,7 +16,7 @@ from executive.sweeps.files import SweepFile, header_of
 from executive.sweeps.records import CLUSTER_WAIT, LIMITS, Backend, Done, Row, Task, World
 from planlang.diagnostics import BadInput, WrongOption
 from planlang.extras import no_cluster
-from planlang.words import Call, Option
+from planlang.words import Option, Text
 
 
 def run(
@@ -32,7 +32,7 @@ def run(
     together: int = 1,
     cluster_wait: float = CLUSTER_WAIT,
     reads: str | None = None,
-    resume: Call | None = None,
+    resume: Text | None = None,
     say: Callable[[str], object] = lambda line: None,
     told: Callable[[Done], object] = lambda done: None,
     resumed: Callable[[Sequence[Row]], object] = lambda rows: None,
@@ -53,7 +53,7 @@ def run(
     the scheduler of another cluster (``tcp://host:8786``, ``tls://...``), whose workers have as many slots as threads.
     Their files they get by content: those that ``reads`` (``module:function``) opens, called with a world that names
     files. ``say`` gets sentences on workers that are lost or refused. After ``cluster_wait`` [s] without a worker the
-    sweep gives up, and names the call ``resume``.
+    sweep gives up, with the advice ``resume``.
 
     Raises BadInput as the job does (a job that can skip a world returns a row instead), if ``out`` belongs to another
     sweep, if ``on`` is unknown or its package is missing, if the cluster is lost or has another planlang; ValueError if

@@ -45,7 +45,7 @@ class Cause:
 def shares(rows: Sequence[Row]) -> list[Share]:
     """Count the worlds by outcome; "reached", "failed" and "crashed" come first."""
     counts = Counter({REACHED: 0, "failed": 0, CRASHED: 0})
-    counts.update(map(_outcome, rows))
+    counts.update(map(outcome_of, rows))
     return [Share(name, count, *wilson(count, len(rows))) for name, count in counts.items()]
 
 
@@ -70,7 +70,7 @@ def rows_by_cause(rows: Sequence[Row]) -> list[tuple[Cause, Sequence[Row]]]:
 
 def cause_of(row: Row) -> tuple[str, str]:
     """Classes of a world's failure and its causes, and the first sentence of the message."""
-    failure = row.get("failure") or [_outcome(row)]
+    failure = row.get("failure") or [outcome_of(row)]
     sentence = first_sentence(str(row.get("message") or row.get("cause") or ""))
     return " < ".join(map(str, failure)), sentence.removeprefix(f"{failure[0]}: ")
 
@@ -115,7 +115,8 @@ def _cause_lines(found: Sequence[Cause]) -> Iterator[str]:
         yield f"         {one.repeat or f'world {one.world}'}"
 
 
-def _outcome(row: Row) -> str:
+def outcome_of(row: Row) -> str:
+    """How a world ended, in the words of tables."""
     if is_reached(row):
         return REACHED
     outcome = str(row.get("outcome"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -55,6 +56,9 @@ def variants_of(options: SweepOptions) -> tuple[Variant, ...]:
         for label, own in (options.variant or {}).items()
     ]
     varied = [[(name, *_setting(name, value)) for value in values] for name, values in (options.vary or {}).items()]
+    number = math.prod(map(len, varied), start=max(1, len(named)))
+    if number > MOST_VARIANTS:
+        raise WrongOption(f"these are {number:,} variants; at most {MOST_VARIANTS} are run")
     found: dict[str, Mapping[str, Any]] = {}
     for label, own in named or ([("", {})] if varied else []):
         for chosen in product(*varied):
@@ -65,8 +69,6 @@ def variants_of(options: SweepOptions) -> tuple[Variant, ...]:
             if name in found:
                 raise WrongOption(f"two variants are called {name}")
             found[name] = _merged(own, chosen)
-    if len(found) > MOST_VARIANTS:
-        raise WrongOption(f"these are {len(found)} variants; at most {MOST_VARIANTS} are run")
     return tuple(_with_columns(found, options))
 
 

@@ -144,3 +144,13 @@ def test_rows_and_comparison_in_python_are_those_of_the_command(compared: Path) 
     found = planlang.compare("pass_a_drink", 2, robot="panda", vary={"schedule": [1, 2]}, output=compared)
     assert list(found.rows) == list(read_sweep(compared).rows)
     assert str(found) == "\n".join(invoke("compare", *LACKING, "--output", compared).stdout.splitlines())
+
+
+@pytest.mark.parametrize("command", ["sweep", "compare"])
+def test_where_the_cluster_is_lost_the_command_that_was_given_runs_the_rest(command: str, tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    lost = ("--on", "tcp://127.0.0.1:9", "--cluster-wait", "0")
+    kept = invoke(command, *LACKING, *lost, "--output", tmp_path / "rows.jsonl")
+    assert kept.exit_code == 2
+    assert f"run the rest with planlang {command} pass_a_drink" in kept.stderr
+    assert "--output FILE keeps what is done" in invoke(command, *LACKING, *lost).stderr
