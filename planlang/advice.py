@@ -32,7 +32,7 @@ class Change:
     ``what`` is ``translation`` (x, y, z of the centre in the frame of the map, whatever the pose is stated relative to
     [m]), ``jointPosition`` as maps state it [m, rad], or ``absent`` (True: the map lacks the thing). Without a
     ``thing`` it is an option of the run: ``start`` (x, y [m], yaw [rad]), ``robot``, ``schedule``, ``arm``, ``grasp``,
-    ``attempts``, or an action ``before`` the plan.
+    ``attempts``, or an action ``before`` the plan or a step; it may be stated several times.
     """
 
     what: str

@@ -212,8 +212,9 @@ class SituationSettings(TaskOptions):
     before: Annotated[
         list[str] | None,
         option(
-            metavar="ACTION",
-            help="Perform an action before the plan, such as 'OpeningAContainerArtifact door1'. Repeatable.",
+            metavar="ACTION[@STEP]",
+            help="Perform an action before the plan, such as 'OpeningAContainerArtifact door1', or before the step "
+            "whose path follows an @, as failures state it: 'SettingAsideAnObject cup1@PATH'. Repeatable.",
             in_header=InHeader("before"),
         ),
     ] = None

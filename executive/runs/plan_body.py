@@ -14,11 +14,13 @@ from planlang.language.budgets import budget
 from planlang.language.performing import perform
 from planlang.language.plan_text import Needs
 from planlang.language.plans import Plan
+from planlang.language.preceding import preceded
 from planlang.language.recovery import trying_more, without_recoveries
 from planlang.language.source import PlanSource
 from planlang.language.tidying import tidied
 from planlang.ontology import shorten
 from planlang.records import dataclass
+from planlang.runs.codec import load as load_exact
 from planlang.words import Option, Text
 from sim import Scene
 
@@ -36,7 +38,44 @@ class Subject:
     needs: Needs
 
 
-def allowance(source: PlanSource, bound: Mapping[str, Bound], first: Sequence[Action] = ()) -> float:
+@dataclass(frozen=True, slots=True)
+class ActionBefore:
+    """An action that comes before the plan, or before a step of it."""
+
+    action: Action
+    step: str = ""
+    """Path of the step, as failures state it; empty: before the plan."""
+
+    @staticmethod
+    def read(stated: Iterable[str], semantic_map: SemanticMap, plan: str) -> list[ActionBefore]:
+        """Read texts such as ``OpeningAContainerArtifact door1``, or before a step of the plan ``ACTION THING@PATH``.
+
+        Raises BadInput.
+        """
+        found = []
+        for text in stated:
+            what, step = _parts(text)
+            kind, _, name = what.partition(" ")
+            thing = semantic_map.find(name.strip()) if name else None
+            if not kind or thing is None or thing.pose is None:
+                message = Text(Option("before", text), ": it is no action on a thing of the map")
+                raise BadInput([error("X005", message, help="write the class of an action and a thing, such as door1")])
+            if "@" in text and not step.startswith(f"{plan}/"):
+                message = Text(Option("before", text), ": what follows @ is no step of the plan")
+                advice = f"name the step as failures do, by its path: {plan}/budget/{plan}/..."
+                raise BadInput([error("X005", message, help=advice)])
+            act = action(kind, object_acted_on=Object(shorten(thing.types[0]), thing.iri))
+            found.append(ActionBefore(act, step))
+        return found
+
+    @staticmethod
+    def recorded(header: Mapping[str, Any]) -> list[ActionBefore]:
+        """Read those of the header of a trace. Raises ValueError."""
+        actions, stated = load_exact(header.get("actions_before", [])), header.get("before") or ()
+        return [ActionBefore(one, _parts(text)[1]) for one, text in zip(actions, stated, strict=True)]
+
+
+def allowance(source: PlanSource, bound: Mapping[str, Bound], first: Sequence[ActionBefore] = ()) -> float:
     """Plan time after which the run is aborted [s]; stated waiting times extend it."""
     stated = sum(value for value in bound.values() if isinstance(value, float))
     return BUDGET + PER_STEP * (len(source.actions) + len(first)) + source.waiting + stated
@@ -46,25 +85,31 @@ def body_of(
     plan: Plan[Any, Any],
     bound: Mapping[str, Bound],
     seconds: float,
-    first: Sequence[Action] = (),
+    first: Sequence[ActionBefore] = (),
     *,
     bare: bool = False,
     attempts: int = 0,
 ) -> Callable[[], Awaitable[Any]]:
-    """Make what a host runs: the actions that come ``first``, then the plan, within ``seconds`` of plan time.
+    """Make what a host runs: the actions that come ``first``, and the plan, within ``seconds`` of plan time.
 
     If ``bare``, without its recoveries; else each of these may try ``attempts`` times more.
     """
 
+    before_plan = [one.action for one in first if not one.step]
+    before_steps: dict[str, list[Action]] = {}
+    for one in first:
+        if one.step:
+            before_steps.setdefault(one.step, []).append(one.action)
+
     async def with_actions_before() -> Any:
-        for one in first:
-            await perform(one)
+        for action_before in before_plan:
+            await perform(action_before)
         return await plan(**bound)
 
-    whole = with_actions_before if first else partial(plan, **bound)
+    whole = with_actions_before if before_plan else partial(plan, **bound)
 
     async def body() -> Any:
-        with without_recoveries() if bare else trying_more(attempts):
+        with without_recoveries() if bare else trying_more(attempts), preceded(before_steps):
             return await tidied(partial(budget, whole, seconds=seconds))
 
     body.__name__ = plan.name
@@ -72,14 +117,7 @@ def body_of(
     return body
 
 
-def actions_before(stated: Iterable[str], semantic_map: SemanticMap) -> list[Action]:
-    """Read actions that come before a plan, such as ``OpeningAContainerArtifact door1``. Raises BadInput."""
-    found = []
-    for text in stated:
-        kind, _, name = text.strip().partition(" ")
-        thing = semantic_map.find(name.strip()) if name else None
-        if not kind or thing is None or thing.pose is None:
-            message = Text(Option("before", text), ": it is no action on a thing of the map")
-            raise BadInput([error("X005", message, help="write the class of an action and a thing, such as door1")])
-        found.append(action(kind, object_acted_on=Object(shorten(thing.types[0]), thing.iri)))
-    return found
+def _parts(text: str) -> tuple[str, str]:
+    """An action, and the path of the step before which it comes."""
+    what, _, step = text.partition("@")
+    return what.strip(), step.strip()

@@ -31,7 +31,7 @@ from executive.runs.parameters import (
     things_of,
     unknown_things,
 )
-from executive.runs.plan_body import Subject, actions_before, allowance, body_of
+from executive.runs.plan_body import ActionBefore, Subject, allowance, body_of
 from executive.runs.plan_files import (
     Assessment,
     Requirements,
@@ -69,7 +69,6 @@ from planlang.language.source import PlanSource
 from planlang.ontology import Ontology, load
 from planlang.runs import Different, Past, RecordedRun, Repetition, Trace, restore
 from planlang.runs.codec import dump
-from planlang.runs.codec import load as load_exact
 from planlang.runs.repeating import RepeatedTrace
 from planlang.runs.trace import Earlier
 from planlang.state import Hold
@@ -146,7 +145,7 @@ class Run:
             self.found.append(warning("X022", "the plan differs from that of the trace", Span(recorded.name)))
         bound = recorded_parameters(recorded, plan_parameters(self.plan))
         try:
-            first = load_exact(recorded.header.get("actions_before", []))
+            first = ActionBefore.recorded(recorded.header)
             settings, seconds = settings_from_header(recorded.header), allowance(self.source, bound, first)
             handling = {"bare": settings.get("no_recoveries", False), "attempts": settings.get("attempts", 0)}
             return replay(body_of(self.plan, bound, seconds, first, **handling), recorded)
@@ -159,7 +158,7 @@ class Run:
         """What the run begins with. Raises BadInput if that is not what its trace began with."""
         subject, (robot, given) = self._subject(), self._bind_robot(self.found)
         if self.files.recorded is not None:
-            first = actions_before(self.options.before or (), subject.map)
+            first = ActionBefore.read(self.options.before or (), subject.map, self.plan.name)
             self.found += check_same_run(self.files.recorded, self._header(subject, robot, (), given, first))
         return subject, robot
 
@@ -202,7 +201,7 @@ class Run:
         options.around(executive)
         take(platform, truth, held)
         platform.scene.collisions.prepare()
-        first = actions_before(options.before or (), subject.map)
+        first = ActionBefore.read(options.before or (), subject.map, self.plan.name)
         seconds = allowance(self.source, subject.bound, first)
         header = self._header(subject, robot, assessment.infeasible, given, first, platform.scene.world.scene.start)
         bare, attempts = options.no_recoveries, options.attempts or 0
@@ -301,7 +300,7 @@ class Run:
         robot: Robot,
         alternatives: Sequence[tuple[Any, object]],
         given: tuple[GivenPart, ...] | None,
-        first: Sequence[Action],
+        first: Sequence[ActionBefore],
         start: Sequence[float] = (),
     ) -> dict[str, Any]:
         """Header of the trace, beside seed and schedule: all that equal traces have in common."""
@@ -322,7 +321,8 @@ class Run:
         settings = header_entries(options, models=models, modules=self.registry.identity or None)
         infeasible = [alternative.name for alternative, _ in alternatives]
         # a resumed run makes the changes by itself
-        applied, acts = [one.as_json() for one in self.files.changes], dump(list(first)) if first else None
+        applied = [one.as_json() for one in self.files.changes]
+        acts = dump([one.action for one in first]) if first else None
         also = {"infeasible": infeasible, "applied": applied, "actions_before": acts}
         return header | settings | {key: value for key, value in also.items() if value}
 

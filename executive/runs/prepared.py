@@ -148,11 +148,12 @@ def prepared(options: RunOptions) -> RunFiles:
 
 def _with_options(options: RunOptions, changes: Iterable[Change]) -> RunOptions:
     """Set the options that changes state, whatever they were. Raises BadInput for an invalid value."""
-    stated = {one.what: one.value for one in changes if one.thing is None}
-    act = stated.pop(BEFORE, None)
+    own = [one for one in changes if one.thing is None]
+    stated = {one.what: one.value for one in own if one.what != BEFORE}
+    acts = [str(one.value) for one in own if one.what == BEFORE]
     try:
         values: dict[str, Any] = {name: declared(RunSettings)[name].value(value) for name, value in stated.items()}
-        values |= {} if act is None else {BEFORE: [*(options.before or ()), str(act)]}
+        values |= {BEFORE: [*(options.before or ()), *acts]} if acts else {}
         return replace(options, **values)
     except ValueError as problem:
         raise BadInput([error("C025", f"a change cannot be made: {problem}")]) from None

@@ -98,6 +98,11 @@ class Node:
             return self.base_name
         return self.parent._occasion_of(self.base_name, self.ordinal)
 
+    def path_of_next(self, name: str) -> str:
+        """Path that the next node of this name will have under this one."""
+        ordinal = 1 if self._counts is None else self._counts.get(name, 0) + 1
+        return f"{self.path}/{name}" if ordinal == 1 else f"{self.path}/{name}#{ordinal}"
+
     def occasion_of_next(self, name: str) -> str:
         """Occasion that the next node of this name will have under this one."""
         return self._occasion_of(name, 1 if self._counts is None else self._counts.get(name, 0) + 1)

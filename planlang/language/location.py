@@ -36,6 +36,7 @@ from planlang.language.budgets import take_attempt
 from planlang.language.executive import executive_for
 from planlang.language.performances import performing
 from planlang.language.performing import HeldPose, held_pose, perform
+from planlang.language.preceding import before_next
 from planlang.language.recovery import Recovery, check_recoveries, matches, recoveries_are_on, recovering
 from planlang.language.resources import Lease, using
 from planlang.misuse import Usage
@@ -119,7 +120,12 @@ async def at_location(
     if reaching:
         location = location & _in_reach(reaching, device, location.device)
     inside = partial(_inside, executive, location, by, body, attempts)
-    run = partial(node, "at_location", "at_location", inside, location=location, attempts=attempts)
+
+    async def run() -> Any:
+        for one in before_next("at_location"):
+            await perform(one)
+        return await node("at_location", "at_location", inside, location=location, attempts=attempts)
+
     with performing(location, "at_location", name_of(body)):
         return await recovering(run, recoveries)
 

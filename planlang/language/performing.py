@@ -21,6 +21,7 @@ from planlang.language.conditions import Goal, achieving
 from planlang.language.executive import current, executive_for
 from planlang.language.performances import performing
 from planlang.language.plans import Handle, Plan, Restarting, join
+from planlang.language.preceding import before_next
 from planlang.language.process_module import performs
 from planlang.language.recovery import Recovery, recoveries_of, recovering
 from planlang.language.resources import hand_freed, using
@@ -187,6 +188,8 @@ async def _in_turn(step: Branch, *, has_goal: bool) -> Any:
 
 
 async def _performed(action: Action, path_element: str, once: bool, otherwise: Branch | None) -> Any:
+    for one in before_next(path_element):
+        await perform(one)
     executive = current.get() if otherwise is not None else executive_for("perform")
     module = None if executive is None else module_for(executive, action, otherwise)
     if executive is None or module is None:
