@@ -19,6 +19,7 @@ KINDS = {
     "order": ("order of steps", "orders of steps"),
     "attempts": ("further attempt", "further attempts"),
     "before": ("door opened or closed first", "doors opened or closed first"),
+    "put down": ("thing put down first", "things put down first"),
     "thing moved": ("place of a thing", "places of things"),
     "furniture moved": ("place of furniture", "places of furniture"),
     "door": ("door open or shut", "doors open or shut"),

@@ -29,11 +29,15 @@ ORDERS = (1, 2, 3)
 """Schedules in which steps whose order is open are run."""
 MOST_NAMED = 4
 """Number of things that a failure names and that are moved."""
+AJAR = 0.05
+"""How far from its end a leaf is no longer open as far as it goes [rad, m]."""
 UNRELATED = 1_000_000
 """Rank of what the failure does not name."""
 MOST_SINGLE = 80
 """Number of single changes."""
 OPENING, CLOSING = "OpeningAContainerArtifact", "ClosingAContainerArtifact"
+PUTTING_DOWN, PUT_DOWN = "SettingAsideAnObject", "put down"
+"""Class of the action by which a held thing is put down, and the kind of this change."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +67,8 @@ class Candidate:
     cost: float
     smaller: tuple[Candidate, ...] = field(default=(), compare=False)
     """The same move by less, the least first: tried once this one helps."""
+    parts: tuple[Candidate, ...] = field(default=(), compare=False)
+    """What a pair was joined from."""
 
 
 def advised(situation: Situation) -> list[Candidate]:
@@ -82,38 +88,65 @@ def singles(situation: Situation) -> list[Candidate]:
     Those that can touch the reason of the failure come first, the cheapest of these first, then those of named things.
     Of moves to one side the farthest stands for all: it counts as much as the shortest.
     """
-    found = list[tuple[tuple[bool, float, int], Candidate]]()
-    for rank, kind, moves in _Generator(situation).all():
-        *shorter, farthest = (Candidate(changes, kind, cost_of(changes, situation.scene)) for changes in moves)
-        least = shorter[0].cost if shorter else farthest.cost
-        is_unlikely = rank == UNRELATED or _hardly_touches(kind, situation.evidence)
-        key = (is_unlikely, round(least, 6), rank)
-        found.append((key, replace(farthest, smaller=tuple(shorter))))
     chosen, number = list[Candidate](), 0
-    for _, candidate in sorted(found, key=lambda one: one[0]):
+    for _, candidate in _ranked(situation):
         number += 1 + len(candidate.smaller)
         if number <= MOST_SINGLE:
             chosen.append(candidate)
     return chosen
 
 
+def cheaper(situation: Situation, cost: float) -> list[Candidate]:
+    """List the single changes that can touch the reason of the failure and cost less, as :func:`singles` does."""
+    return [one for is_unlikely, one in _ranked(situation, cost) if not is_unlikely]
+
+
+def _ranked(situation: Situation, below: float = math.inf) -> list[tuple[bool, Candidate]]:
+    """List all single changes that cost less, in order, and whether each hardly touches the reason of the failure."""
+    found = list[tuple[tuple[bool, float, int], Candidate]]()
+    for rank, kind, moves in _Generator(situation).all():
+        each = [Candidate(changes, kind, cost_of(changes, situation.scene)) for changes in moves]
+        if less := [one for one in each if one.cost < below]:
+            is_unlikely = rank == UNRELATED or _hardly_touches(kind, situation.evidence)
+            key = (is_unlikely, round(less[0].cost, 6), rank)
+            found.append((key, replace(less[-1], smaller=tuple(less[:-1]))))
+    return [(key[0], one) for key, one in sorted(found, key=lambda one: one[0])]
+
+
 def _hardly_touches(kind: str, evidence: Evidence) -> bool:
     """Check whether a kind of change hardly touches the reason of a failure."""
     if not evidence.is_of_places:
-        return kind not in ("order", "robot")
+        return kind not in ("order", "robot", PUT_DOWN)
     return kind in (ARM, GRASP, ATTEMPTS) and evidence.is_of_search  # which tried all, and would find the same again
 
 
 def pair(one: Candidate, other: Candidate) -> Candidate:
     """Join two candidates."""
     smaller = tuple(pair(one, less) for less in other.smaller)
-    return Candidate((*one.changes, *other.changes), "pair", one.cost + other.cost, smaller)
+    return Candidate((*one.changes, *other.changes), "pair", one.cost + other.cost, smaller, (one, other))
+
+
+def followed(one: Candidate, other: Candidate, scene: Scene) -> Candidate:
+    """Join a candidate with what its rerun advises, which stands for what says something else of the same."""
+    if can_be_joined(one, other):
+        return pair(one, other)
+    about = set(map(_about, other.changes))
+    kept = tuple(change for change in one.changes if _about(change) not in about)
+    changes = (*kept, *other.changes)
+    return Candidate(changes, "pair" if kept else other.kind, cost_of(changes, scene), parts=(other,) if kept else ())
 
 
 def can_be_joined(one: Candidate, other: Candidate) -> bool:
     """Check whether no change of one says something else of what a change of the other is about."""
-    about = {(change.thing, None if change.thing else change.what) for change in one.changes}
-    return not any((change.thing, None if change.thing else change.what) in about for change in other.changes)
+    about = set(map(_about, one.changes))
+    return not any(_about(change) in about for change in other.changes)
+
+
+def _about(change: Change) -> tuple[object, ...]:
+    """What a change is about: a thing, an option, or one of the actions that come before."""
+    if change.thing is not None:
+        return (change.thing,)
+    return (None, change.what, change.value if change.what == BEFORE else None)
 
 
 class _Generator:
@@ -149,6 +182,9 @@ class _Generator:
     def _steps(self) -> Iterator[tuple[int, str, tuple[Change, ...]]]:
         if ATTEMPTS not in self._situation.in_use:
             yield 1, ATTEMPTS, option_set(ATTEMPTS, 1)
+        for name, step in self._situation.evidence.held:
+            if name in self._bodies:
+                yield 0, PUT_DOWN, option_set(BEFORE, f"{PUTTING_DOWN} {name}@{step}")
         for rank, joint in self._related_joints():
             act = OPENING if joint.is_shut(joint.first) else CLOSING
             yield rank, BEFORE, option_set(BEFORE, f"{act} {joint.leaf}")
@@ -210,8 +246,10 @@ class _Generator:
 
     def _doors(self) -> Iterator[tuple[int, str, tuple[Change, ...]]]:
         for rank, joint in self._related_joints():
-            is_shut = joint.is_shut(joint.first)
-            yield rank, "door", leaf_moved(joint, joint.upper if is_shut else 0.0)
+            if not joint.is_shut(joint.first):
+                yield rank, "door", leaf_moved(joint, 0.0)
+            if joint.first < joint.upper - AJAR:
+                yield rank, "door", leaf_moved(joint, joint.upper)
 
     def _related_joints(self) -> Iterator[tuple[int, Articulation]]:
         """Yield the doors, drawers and lids; those that the failure names, or whose furniture it names, first."""

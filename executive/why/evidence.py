@@ -12,6 +12,7 @@ from planlang.advice import Change
 from planlang.failures import (
     ActionUnresolvable,
     HandleNotReachable,
+    HandsFull,
     HandsLacking,
     LocationUnresolvable,
     MissingCapability,
@@ -21,7 +22,7 @@ from planlang.failures import (
 )
 from planlang.plan_failure import links_of
 from planlang.records import dataclass
-from planlang.runs import RunTree
+from planlang.runs import RunTree, TaskNode
 from planlang.runs.codec import load_failure
 
 _NAME = re.compile(r"[\w.\-]+")
@@ -30,10 +31,14 @@ OF_ROBOTS = (
     ObjectNowhereToBeFound,
 )
 """Failures of what a robot cannot do, wherever things are."""
+OF_HANDS = (HandsFull, HandsLacking)
+"""Failures for want of a free hand."""
 SAME = 100
 """Number of characters at either end by which texts are compared."""
 CONCURRENT = frozenset({"par", "partial_order", "par_each", "try_all", "with_requests"})
 """Kinds of constructs whose branches run in an order that the schedule determines."""
+STEPS = ("perform", "at_location")
+"""Kinds of constructs before which an action may come."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +63,8 @@ class Evidence:
     """True if a search found no place although every arm and grasp was open, and nothing had been grasped before."""
     steps: int
     """Number of completed steps."""
+    held: tuple[tuple[str, str], ...] = ()
+    """Things that hands hold at the end, each with the path of the step that failed and could begin without it."""
 
     @staticmethod
     def of(records: Sequence[Mapping[str, Any]]) -> Evidence:
@@ -87,13 +94,15 @@ class Evidence:
             any(type(one) in (LocationUnresolvable, HandleNotReachable) for one in last)
             and not any(record.get("event") == "belief" and record.get("change") == "grasped" for record in records),
             sum(record.get("event") == "completed" and "value" in record for record in records),
+            tuple(_held(tree, texts[:1], are_hands_lacking=any(isinstance(one, OF_HANDS) for one in last))),
         )
 
     @staticmethod
     def from_json(json: Mapping[str, Any]) -> Evidence:
         """Read what :meth:`as_json` wrote."""
         advised = tuple(tuple(map(Change.of, changes)) for changes in json["advised"])
-        return Evidence(**{**json, "advised": advised, "texts": tuple(json["texts"])})
+        held = tuple((name, step) for name, step in json["held"])
+        return Evidence(**{**json, "advised": advised, "texts": tuple(json["texts"]), "held": held})
 
     def as_json(self) -> dict[str, Any]:
         """Return it as JSON, for the row of a rerun."""
@@ -111,6 +120,36 @@ class Evidence:
         found.update(dict.fromkeys([*first, *(name for name in self.blocking if name in names)]))
         found.update(dict.fromkeys(_named(self.texts, names)))
         return list(found)
+
+
+def _held(tree: RunTree, texts: Sequence[str], *, are_hands_lacking: bool) -> Iterator[tuple[str, str]]:
+    """Yield things in hands, each with the path of the outermost step that failed and began after it was grasped.
+
+    A thing that the failure is about is needed in the hand, unless hands are what is lacking.
+    """
+    grasped: dict[str, int] = {}
+    for one in tree.belief:
+        name = str(one.details.get("name"))
+        if one.details.get("change") == "grasped":
+            grasped.setdefault(name, one.place)
+        elif one.details.get("change") == "released":
+            grasped.pop(name, None)
+    for name, place in grasped.items():
+        step = _failed_step(tree, place)
+        if step is not None and (are_hands_lacking or name not in _named(texts, (name,))):
+            yield name, step.path
+
+
+def _failed_step(tree: RunTree, place: int) -> TaskNode | None:
+    """The outermost step that failed and began after a record of the trace; of its attempts the first."""
+    node = tree.roots[0] if tree.roots else None
+    while node is not None and not node.inner:
+        if node.kind in STEPS and node.first > place:
+            name = node.name.partition("#")[0]
+            attempts = [] if node.parent is None else node.parent.children
+            return next(one for one in (*attempts, node) if one.first > place and one.name.partition("#")[0] == name)
+        node = next((one for one in reversed(node.children) if one.status == "failed"), None)
+    return None
 
 
 def _sentence(told: Sequence[tuple[str, str]], last: Iterable[BaseException]) -> str:

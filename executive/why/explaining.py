@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.maps.scene import scene_of
-from executive.options.declaring import as_json, check_written, made, values_of
+from executive.options.declaring import as_json, check_written, made, stated, values_of
 from executive.options.running import RunSettings, SituationSettings, WhyOptions
 from executive.robots import Robot
 from executive.runs.explanation import Explanation
@@ -28,7 +28,7 @@ from executive.why.candidates import Candidate, Situation, kinds_of
 from executive.why.evidence import Evidence
 from executive.why.searching import Reruns, search
 from executive.why.wording import clause_of
-from planlang.advice import BEFORE, ROBOT
+from planlang.advice import ATTEMPTS, BEFORE, ROBOT
 from planlang.diagnostics import BadInput, Span, error
 from planlang.files import Bundled
 from planlang.language.source import PlanSource
@@ -45,10 +45,10 @@ def why(options: WhyOptions, *, told: Told = lambda line: None) -> Explanation:
     ``told`` gets a line for each rerun. Raises BadInput for a trace that is damaged, or of another version, plan, map
     or robot than those that are there.
     """
-    refuse(check_written(options, WhyOptions, {"the trace": options.trace}))
+    applied = options.apply or options.trace.with_suffix(".apply.json")
+    refuse(check_written(replace(options, apply=applied), WhyOptions, {"the trace": options.trace}))
     recorded = recorded_run(options.trace)
     run_options = RunOptions(**values_of(options, SituationSettings), recipe=options.file)
-    applied = options.apply or options.trace.with_suffix(".apply.json")
     return explained(
         recorded,
         run_options,
@@ -59,7 +59,15 @@ def why(options: WhyOptions, *, told: Told = lambda line: None) -> Explanation:
         on=options.on,
         processes=options.processes,
         cluster_wait=options.cluster_wait,
+        resume=Text("ask again with ", _asked(options)),
     )
+
+
+def _asked(options: WhyOptions) -> Call:
+    """The call that asks once more."""
+    values = {**dict(stated(options, WhyOptions)), "apply": options.apply, "report": options.report}  # files are shown
+    values["cluster_wait"] = f"{options.cluster_wait:g}s"
+    return calling("why", options.trace, *filter(None, (options.file,)), **values)
 
 
 def explained(
@@ -74,7 +82,8 @@ def explained(
 ) -> Explanation:
     """Explain a recorded run, as :func:`why` does; the changes are written to ``applied``, both runs to ``report``.
 
-    The ``engine`` of the reruns are options of :func:`executive.sweeps.run`: ``on``, ``processes``, ``cluster_wait``.
+    The ``engine`` of the reruns are options of :func:`executive.sweeps.run`: ``on``, ``processes``, ``cluster_wait``,
+    ``resume``.
     """
     header_to_repeat(recorded)  # raises for a trace of an older schema
     if recorded.outcome == "succeeded":
@@ -94,7 +103,7 @@ def explained(
         _options(files),
         base=files.changes,
         budget=budget or WhyOptions.budget,
-        engine=engine,
+        engine={"say": told, **engine},
         told=lambda one, row, number: told(_line(one, row, number, situation)),
     )
     result = search(situation, reruns)
@@ -133,6 +142,8 @@ def _situation(subject: Subject, robot: Robot, files: RunFiles, evidence: Eviden
     )
     options = files.options
     in_use = frozenset(name for name in ("arm", "grasp", "schedule", "attempts") if getattr(options, name) is not None)
+    if options.no_recoveries:
+        in_use |= {ATTEMPTS}  # of which there are none
     arms = tuple(arm.name for arm in robot.arms if arm.gripper is not None)
     return Situation(scene, needed, robot.name, arms, tuple(Bundled.ROBOT.names()), evidence, in_use)
 
@@ -153,15 +164,16 @@ def _options(files: RunFiles) -> dict[str, Any]:
     plan = plan if isinstance(plan, str | os.PathLike) else file.path
     maps = [os.fspath(one) for one in (files.environment, *files.additions) if one is not None]
     options = replace(files.options.unseen(), apply=None, resume=None, seed=files.seed)
-    stated = as_json(options, RunSettings)
-    return {**stated, "recipe": os.fspath(plan), "robot": os.fspath(files.robot or ""), "environment": maps}
+    given = as_json(options, RunSettings)
+    return {**given, "recipe": os.fspath(plan), "robot": os.fspath(files.robot or ""), "environment": maps}
 
 
 def _command(files: RunFiles, found: Candidate, applied: Path | None) -> Call:
     """The call that repeats the run: with an option if that is all, else with the file of the changes."""
     options: dict[str, Any] = {one.what: one.value for one in found.changes if one.thing is None}
     if BEFORE in options:
-        options[BEFORE] = [*(files.options.before or ()), options[BEFORE]]
+        acts = [str(one.value) for one in found.changes if one.thing is None and one.what == BEFORE]
+        options[BEFORE] = [*(files.options.before or ()), *acts]
     away = {"start": None, "urdf": None} if ROBOT in options else {}
     if files.changes or any(one.thing is not None for one in found.changes):
         return call_of(files, apply=applied or Blank("FILE"), **away)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import combinations
@@ -10,7 +10,7 @@ from typing import Any
 
 from executive.sweeps import Row, World, run
 from executive.sweeps.records import LIMITS, Done, is_reached
-from executive.why.candidates import Candidate, Situation, advised, can_be_joined, pair, singles
+from executive.why.candidates import Candidate, Situation, advised, can_be_joined, cheaper, followed, pair, singles
 from executive.why.evidence import Evidence
 from executive.why.rerun import JOB, READS
 from planlang.advice import ROBOT, Change
@@ -18,6 +18,8 @@ from planlang.records import dataclass
 
 MOST_LINKS = 3
 """How often what a rerun advises is added to what was advised before."""
+MOST_CHEAPER = 4
+"""How many single changes are tried, one of each kind, that cost less than what was advised and helps."""
 Told = Callable[[Candidate, Row, int], object]
 
 
@@ -128,9 +130,28 @@ def search(situation: Situation, reruns: Reruns) -> Search:
             every.update((frozenset(one.changes), one) for one in fresh)
             found = reruns.of(fresh)
             if found is not None:
-                return Search(tuple(reruns.tried), found=reruns.of(found.smaller) or found)
+                smallest = _smallest(found, situation, reruns, is_advised=stage in (_advice, _after_advice))
+                return Search(tuple(reruns.tried), found=smallest)
     tried = {frozenset(one.candidate.changes) for one in reruns.tried}
     return Search(tuple(reruns.tried), tuple(one for key, one in every.items() if key not in tried))
+
+
+def _smallest(found: Candidate, situation: Situation, reruns: Reruns, *, is_advised: bool) -> Candidate:
+    """Try less than what helps: a part of it, single changes that cost less than what was advised, a shorter move."""
+
+    def untried(candidates: Iterable[Candidate]) -> list[Candidate]:
+        known = {frozenset(one.candidate.changes) for one in reruns.tried}
+        return [one for one in candidates if frozenset(one.changes) not in known]
+
+    found = reruns.of(untried(sorted(found.parts, key=lambda one: one.cost))) or found
+    if is_advised:
+        things = {change.thing for change in found.changes if change.thing is not None}  # their best places are known
+        kinds = dict[str, Candidate]()
+        for one in untried(cheaper(situation, found.cost)):
+            if one.kind != ROBOT and things.isdisjoint(change.thing for change in one.changes):
+                kinds.setdefault(one.kind, one)
+        found = reruns.of(list(kinds.values())[:MOST_CHEAPER]) or found
+    return reruns.of(untried(found.smaller)) or found
 
 
 def _advice(situation: Situation, reruns: Reruns) -> Iterator[Sequence[Candidate]]:
@@ -139,7 +160,7 @@ def _advice(situation: Situation, reruns: Reruns) -> Iterator[Sequence[Candidate
     yield first
     for candidate in first:
         for _ in range(MOST_LINKS):
-            further = [pair(candidate, one) for one in _advised_after(candidate, situation, reruns)]
+            further = _advised_after(candidate, situation, reruns)
             yield further
             if not further:
                 break
@@ -162,9 +183,7 @@ def _singles(situation: Situation, reruns: Reruns) -> Iterator[Sequence[Candidat
 def _pairs(situation: Situation, reruns: Reruns) -> Iterator[Sequence[Candidate]]:
     """Yield pairs: changes that got the run further with what is for the next failure, then all others."""
     ahead = [one for one in _ahead(situation, reruns) if one.candidate.kind != "pair"]
-    chained = [
-        pair(one.candidate, other) for one in ahead for other in _advised_after(one.candidate, situation, reruns)
-    ]
+    chained = [both for one in ahead for both in _advised_after(one.candidate, situation, reruns)]
     yield sorted(chained, key=lambda one: one.cost)
     yield sorted((both for one in ahead for both in _joined_after(one, situation)), key=lambda one: one.cost)
     alone = [one.candidate for one in reruns.tried if one.candidate.kind != "pair"]
@@ -185,8 +204,9 @@ def _joined_after(one: Tried, situation: Situation) -> list[Candidate]:
 
 
 def _advised_after(one: Candidate, situation: Situation, reruns: Reruns) -> list[Candidate]:
-    """What the rerun of a candidate advises, if that can be joined to it."""
-    evidence = next((tried.evidence for tried in reruns.tried if tried.candidate == one), None)
+    """A candidate with what its rerun advises."""
+    changes = frozenset(one.changes)
+    evidence = next((each.evidence for each in reruns.tried if frozenset(each.candidate.changes) == changes), None)
     if evidence is None:
         return []
-    return [other for other in advised(replace(situation, evidence=evidence))[:1] if can_be_joined(one, other)]
+    return [followed(one, other, situation.scene) for other in advised(replace(situation, evidence=evidence))[:1]]

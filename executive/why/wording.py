@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from executive.why.candidates import CLOSING, OPENING, PUTTING_DOWN
 from executive.why.costs import displacement, groups_of
 from planlang.advice import ABSENT, ARM, ATTEMPTS, BEFORE, GRASP, POSITION, ROBOT, SCHEDULE, START, Change
 from sim import Scene
@@ -51,11 +52,20 @@ def _option(change: Change) -> str:
         case _ if change.what == ATTEMPTS:
             return f"each recovery may try {'once' if value == 1 else f'{value} times'} more"
         case _ if change.what == BEFORE:
-            act, _, name = str(value).partition(" ")
-            return f"the robot first {'opens' if act.startswith('Opening') else 'closes'} {name}"
+            return _before(str(value))
         case _ if change.what == ROBOT:
             return f"the robot is {value}"
     return f"{change.what} is {value}"
+
+
+def _before(value: str) -> str:
+    """Say an action that comes before the plan, or before a step of it."""
+    what, _, step = value.partition("@")
+    act, _, name = what.partition(" ")
+    if act == PUTTING_DOWN:
+        return f"the robot puts {name} down before {step}"
+    acts = {OPENING: "opens", CLOSING: "closes"}.get(act, f"performs {act} on")
+    return f"the robot first {acts} {name}"
 
 
 def _opening(joint: Articulation | None, value: float) -> str:

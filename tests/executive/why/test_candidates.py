@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from executive.why.candidates import Candidate, Situation, advised, singles
+from executive.why.candidates import Candidate, Situation, advised, can_be_joined, cheaper, followed, singles
 from executive.why.costs import cost_of
 from executive.why.evidence import Evidence
 from executive.why.wording import clause_of
@@ -103,3 +103,41 @@ def test_each_kind_of_change_costs_what_the_guide_says() -> None:
         clause_of(tuple(costs)[3:5], SCENE)
         == "the robot first opens door1, and door1 is open by 90 degrees from the start"
     )
+
+
+def test_what_a_hand_holds_may_be_put_down_before_the_step_that_failed() -> None:
+    held = replace(EVIDENCE, held=(("box1", "serve/budget/serve/at_location"),))
+    found = singles(replace(SITUATION, evidence=held))
+    assert kinds(found)[:3] == ["arm", "grasp", "put down"]
+    change = Change("before", "SettingAsideAnObject box1@serve/budget/serve/at_location")
+    down = next(one for one in found if one.kind == "put down")
+    assert (down.changes, down.cost) == ((change,), 2.0)
+    assert clause_of(down.changes, SCENE) == "the robot puts box1 down before serve/budget/serve/at_location"
+    hands = replace(held, is_of_places=False)
+    assert "put down" in kinds(singles(replace(SITUATION, evidence=hands)))[:3]
+
+
+def test_two_actions_may_come_before_but_not_the_same_one_twice() -> None:
+    doors = [Candidate((Change("before", f"OpeningAContainerArtifact door{n}"),), "before", 2.0) for n in (1, 2)]
+    assert can_be_joined(*doors)
+    assert not can_be_joined(doors[0], doors[0])
+
+
+def test_a_later_advice_on_the_same_thing_replaces_the_earlier_one() -> None:
+    near, nearer = (Candidate((Change("translation", (x, 0.0, 0.79), "cup1"),), "advice", 4.0) for x in (2.0, 2.1))
+    found = followed(near, nearer, SCENE)
+    assert (found.changes, round(found.cost, 6), found.parts) == (nearer.changes, 5.0, ())
+    away = Candidate((*near.changes, Change("absent", True, "box1")), "advice", 9.0)
+    assert followed(away, nearer, SCENE).changes == (away.changes[1], *nearer.changes)
+
+
+def test_only_single_changes_that_cost_less_and_touch_the_reason_are_cheaper() -> None:
+    found = cheaper(SITUATION, 4.5)
+    assert kinds(found) == ["arm", "grasp", "attempts", "thing moved"]
+    assert all(one.cost < 4.5 for one in with_smaller(found))
+
+
+def test_a_door_that_is_ajar_may_be_shut_or_open_further() -> None:
+    ajar = replace(SCENE, joints=(replace(HINGE, first=0.5),))
+    doors = [one.changes[0].value for one in singles(replace(SITUATION, scene=ajar)) if one.kind == "door"]
+    assert doors == [0.0, 1.57]

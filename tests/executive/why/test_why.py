@@ -149,6 +149,59 @@ def test_where_nothing_helps_it_is_said_what_was_tried_and_what_was_not(room: Pa
     assert not (room / "run.apply.json").exists()
 
 
+TAKING = """
+from planlang import action, an_object, at_location, perform, plan
+from planlang.designators import a_location
+
+CAN = an_object("DrinkingCan", "http://example.org/room.owl#can1")
+BEFORE, AROUND = a_location(in_front_of=CAN), a_location(in_center_of=CAN)
+
+
+@plan
+async def check_the_room():
+    async def take():
+        await perform(action("Reaching", to_location=BEFORE))
+        await perform(action("OpeningAGripper"))
+        await perform(action("Reaching", to_location=AROUND))
+        await perform(action("ClosingAGripper", object_acted_on=CAN))
+        await perform(action("Reaching", to_location=BEFORE))
+
+    await at_location(a_location(in_reach_of=CAN), take, reaching=(BEFORE, AROUND))
+    await perform(action("CheckingTheRoom"), "check")
+"""
+
+
+def test_what_a_hand_holds_in_vain_is_put_down_before_the_step_that_failed(room: Path) -> None:
+    (room / "check.py").write_text(TAKING, encoding="utf-8")
+    module = MODULE.replace("can1 cannot be reached beside door1", "door1 cannot be reached").replace("can1", "door1")
+    Path("check_module.py").write_text(module.replace("CONDITION", "not belief.held"), encoding="utf-8")
+    choices = ("--arm", "right", "--grasp", "side")
+    assert invoke("run", *WORDS, *choices, "--trace", "run.jsonl").exit_code == 1
+    answer = why(*choices, "--processes", "1")
+    step = "check_the_room/budget/check_the_room/check"
+    assert answer["sentence"] == f"the goal is reached if the robot puts can1 down before {step}"
+    assert (answer["cost"], answer["reruns"], answer["tried"]) == (2.0, 1, {"put down": 1})
+    again = invoke(*shlex.split(answer["command"])[1:], "--trace", "again.jsonl")
+    assert again.exit_code == 0, again.output
+    assert invoke("replay", "again.jsonl", "check.py", "--modules", "check_module.py").exit_code == 0
+
+
+def test_a_step_that_is_none_of_the_plan_is_refused(room: Path) -> None:
+    Path("check_module.py").write_text(MODULE.replace("CONDITION", "True"), encoding="utf-8")
+    found = invoke("run", *WORDS, "--before", "SettingAsideAnObject can1@check")
+    assert found.exit_code == 2
+    assert "X005" in found.output
+    assert "check_the_room/budget/check_the_room" in found.output
+
+
+def test_the_file_of_changes_is_written_again_but_over_no_other_file(room: Path) -> None:
+    failed_unless('"right" in belief.memory.given_up')
+    assert [why("--apply", "change.json", "--budget", "2")["code"] for _ in range(2)] == [0, 0]
+    (room / "run.apply.json").write_text('{"mine": 1}', encoding="utf-8")
+    assert why("--budget", "2")["code"] == 2
+    assert (room / "run.apply.json").read_text() == '{"mine": 1}'
+
+
 def test_a_run_that_reached_its_goal_needs_no_change(room: Path) -> None:
     Path("check_module.py").write_text(MODULE.replace("CONDITION", "True"), encoding="utf-8")
     assert invoke("run", *WORDS, "--trace", "run.jsonl").exit_code == 0
