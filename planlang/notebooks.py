@@ -30,8 +30,8 @@ def framed(page: str, title: str) -> str:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Format rows as an HTML table, with every cell escaped."""
-    cells = "".join(f"<th>{escape(one)}</th>" for one in head)
+    """Format rows as an HTML table, with every cell escaped; a column may have no head."""
+    cells = "".join(f"<th>{escape(one)}</th>" if one else "<td></td>" for one in head)
     body = "".join(f"<tr>{''.join(f'<td>{escape(str(one))}</td>' for one in row)}</tr>" for row in rows)
     return f"<table><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table>"
 

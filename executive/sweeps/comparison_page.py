@@ -44,11 +44,9 @@ def page(title: str, comparison: Compared, pages: Pages | None = None, beside: P
     """
     linked = _Links(pages or {}, beside or Path())
     rows, pairs = comparison.by_variant, comparison.as_json()["pairs"]
+    tables = _wide(visible(comparison._repr_html_()))
     sections = [
-        (
-            "Results",
-            f"{visible(comparison._repr_html_())}<details><summary>In words</summary>{_pre(comparison)}</details>",
-        ),
+        ("Results", f"{tables}<details><summary>In words</summary>{_pre(comparison)}</details>"),
         *((None, _figure(name, sheet.svg())) for name, sheet in figures(rows)),
         *((f"{one['second']} against {one['first']}: worlds that differ", _differing(one, linked)) for one in pairs),
         ("Worlds whose goal was not reached", _missed(rows, linked)),
@@ -104,12 +102,12 @@ def _differing(pair: Mapping[str, Any], linked: _Links) -> str:
         )
         for one in pair["differing"]
     ]
-    return _table(("world", "reached only by", "commands", ""), found)
+    return _table(("world", "reached only by", "commands", "page"), found)
 
 
 def _missed(rows: Rows, linked: _Links) -> str:
     """Table of the worlds whose goal was not reached."""
-    head = ("world", "variant", "cause", "command", "")
+    head = ("world", "variant", "cause", "command", "page")
     found = [
         (
             _text(seed := row.get("seed", row["world"])),
@@ -127,7 +125,7 @@ def _missed(rows: Rows, linked: _Links) -> str:
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A table of HTML cells; empty without rows."""
-    return "".join(_table_parts(head, rows)) if rows else ""
+    return _wide("".join(_table_parts(head, rows))) if rows else ""
 
 
 def _table_parts(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
@@ -137,6 +135,11 @@ def _table_parts(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator
     yield "</tbody></table>"
     if len(rows) > MOST_LISTED:
         yield f"<p>and {len(rows) - MOST_LISTED} more</p>"
+
+
+def _wide(tables: str) -> str:
+    """Tables that scroll sideways on a narrow screen, also by the keyboard."""
+    return f'<div class="wide" tabindex="0">{tables}</div>'
 
 
 def _pre(comparison: Compared) -> str:

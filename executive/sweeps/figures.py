@@ -40,6 +40,8 @@ MOST_CAUSES = 8
 """Maximum number of causes that are drawn."""
 _SMALL, _NORMAL, _LARGE = 12, 13, 16
 """Sizes of text [pixels]."""
+_WIDER = 1.2
+"""Width of text in fonts with which SVG may be shown, relative to the font of pictures."""
 
 
 def figure(rows: Rows) -> Sheet:
@@ -158,7 +160,7 @@ def _causes(rows: Rows) -> tuple[str, Sheet]:
     drawn, rest = found[:MOST_CAUSES], found[MOST_CAUSES:]
     counts = [Counter(variant_of[id(row)] for row in same) for _, same in drawn]
     wide = WIDTH - 2 * MARGIN
-    named = [wrapped(_line(f"{one.name}: {one.sentence}"), _NORMAL, wide * FINE) for one, _ in drawn]
+    named = [wrapped(_line(f"{one.name}: {one.sentence}"), _NORMAL, wide * FINE / _WIDER) for one, _ in drawn]
     texts = [[fitted(line, _NORMAL, wide) for line in lines[:2]] for lines in named]
     tall = [18 * len(lines) + _BAR * len(rows) + 12 for lines in texts]
     panel = _Panel(title, HEAD + sum(tall) + (22 if rest else 0) + 8)
@@ -241,13 +243,15 @@ def spread(places: Sequence[float], gap: float, low: float, high: float) -> list
 
 
 def fitted(text: str, size: int, width: float) -> str:
-    """A text in one line of at most ``width`` [pixels], cut if it is longer."""
-    line, letters = _line(text), font(size)
-    if letters.getlength(line) <= width * FINE:
+    """A text in one line of at most ``width`` [pixels]; of a longer one both ends, as names may differ in either."""
+    line, letters, room = _line(text), font(size), width * FINE / _WIDER
+    if letters.getlength(line) <= room:
         return line
-    lengths = range(1, len(line))
-    longest = bisect_right(lengths, width * FINE, key=lambda length: letters.getlength(f"{line[:length]}..."))
-    return f"{line[:longest].rstrip()}..."
+
+    def ends(length: int) -> str:
+        return f"{line[: (length + 1) // 2].rstrip()}...{line[len(line) - length // 2 :].lstrip()}"
+
+    return ends(bisect_right(range(1, len(line)), room, key=lambda length: letters.getlength(ends(length))))
 
 
 def _line(text: str) -> str:
