@@ -75,7 +75,7 @@ class RecognitionModelMissing(ObjectNotFound):
 
 
 class ObjectLost(PerceptionFailure):
-    """An object that was seen before is no longer there."""
+    """An object is no longer where it was seen before, or no longer in the hand."""
 
     text: ClassVar[str] = "object lost"
 

@@ -40,6 +40,7 @@ from planlang.language.performing import actions_around, perform
 from planlang.language.recovery import PROPAGATE, RETRY, Do, Recovery, RecoveryResult, Return, retry
 from planlang.language.remaining import remaining_actions
 from planlang.language.resources import goes_first, hand_freed, lacks_hands
+from planlang.language.set_aside import check_in_hand, note_set_aside, times_set_aside
 from planlang.language.tidying import passed
 from planlang.misuse import Usage, written
 from planlang.records import dataclass
@@ -223,13 +224,23 @@ def open_what_is_in_the_way(what: Object) -> Do:
 
     If the search for places has found that there is one once something else was done, such as closing a drawer that is
     open before it, or opening a door further, that is done first. If no hand is free to open it, one puts down what it
-    holds, as :func:`put_down_first` does. A door between rooms that was shut is closed again: from its other side,
+    holds, as :func:`put_down_first` does; if that is the object itself, on its way to where it is delivered, ObjectLost
+    is raised, so that it is taken up again. A door between rooms that was shut is closed again: from its other side,
     before the body runs again, if no later step leads back through it, else when the plan has succeeded; the run says
     which stay open. Those of furniture stay open. A failure with another reason propagates.
     """
 
     Usage("open_what_is_in_the_way", {"what": "bottle"}).instance("what", what, Object, "an object")
-    return _opening(())
+    opening = _opening(())
+
+    async def open_it(failure: PlanFailure) -> RecoveryResult:
+        before = times_set_aside()
+        result = await opening(failure)
+        if result is RETRY and isinstance(failure, ObjectUndeliverable) and times_set_aside() > before:
+            check_in_hand(what, executive_for("open_what_is_in_the_way"))
+        return result
+
+    return open_it
 
 
 def _opening(begun: tuple[Object, ...]) -> Do:
@@ -262,7 +273,8 @@ def put_down_first(what: Object) -> Do:
 
     Of several things it is the one that this step and the remaining ones need last, or else the one that has been held
     for longest. It is put where it is in no way of the object, and of the doors and drawers that later steps move; the
-    step that needs it next takes it up again. Another failure propagates.
+    step that needs it next takes it up again: by itself, or, if it delivers it from the hand, by the recovery from
+    ObjectLost, with which it fails. Another failure propagates.
     """
 
     Usage("put_down_first", {"what": "door"}).instance("what", what, Object, "an object")
@@ -279,7 +291,7 @@ def put_down_first(what: Object) -> Do:
             return -needed.get(one.name, never), held
 
         first = sorted(dict.fromkeys(full.held.values()), key=rank)
-        return await _one_done(action(ASIDE, object_acted_on=one, out_of_the_way_of=what) for one in first)
+        return await _one_set_aside(action(ASIDE, object_acted_on=one, out_of_the_way_of=what) for one in first)
 
     return put_down
 
@@ -336,10 +348,10 @@ def step_back_and_repeat(what: Object) -> Do:
 def fetch_again(what: Object, again: Branch | None = None) -> Do:
     """Find an object that has left the hand, grasp it with the branch ``again``, then run the body again.
 
-    Without ``again`` the body itself grasps. The robot looks from here first, since the object may lie beside the hand,
-    then from another place with the arms in their driving posture. If the object is still held, the failure is about
-    something else and propagates. After the last attempt a Recovery raises ObjectUnfetchable unless it names another
-    failure.
+    It was lost, or set aside on the way. Without ``again`` the body itself grasps. The robot looks from here first,
+    since the object may lie beside the hand, then from another place with the arms in their driving posture. If the
+    object is still held, the failure is about something else and propagates. After the last attempt a Recovery raises
+    ObjectUnfetchable unless it names another failure.
     """
 
     fetching = Usage("fetch_again", {"what": "bottle"}, {"again": "fetch_bottle"})
@@ -387,7 +399,7 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
         if is_held == (full is not None):  # the failure is about something else
             return PROPAGATE
         if full is not None:
-            return await _one_done(action(ASIDE, object_acted_on=one) for one in dict.fromkeys(full.held.values()))
+            return await _one_set_aside(action(ASIDE, object_acted_on=one) for one in dict.fromkeys(full.held.values()))
         putting = action(ASIDE, object_acted_on=what)
         try:
             await perform(putting if other_waits else action(ASIDE, object_acted_on=what, by_another_grip=True))
@@ -402,11 +414,12 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
     return regrasp
 
 
-async def _one_done(actions: Iterable[Action]) -> RecoveryResult:
-    """Perform the first of some actions that succeeds."""
+async def _one_set_aside(actions: Iterable[Action]) -> RecoveryResult:
+    """Perform the first that succeeds of some actions that set things aside."""
     for one in actions:
         with suppress(PlanFailure):
             await perform(one)
+            note_set_aside()
             return RETRY
     return PROPAGATE
 

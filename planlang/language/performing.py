@@ -25,6 +25,7 @@ from planlang.language.preceding import before_next
 from planlang.language.process_module import performs
 from planlang.language.recovery import Recovery, recoveries_of, recovering
 from planlang.language.resources import hand_freed, using
+from planlang.language.set_aside import left_behind
 from planlang.misuse import Usage, WrongType, contrast, did_you_mean, written
 
 if TYPE_CHECKING:
@@ -191,6 +192,8 @@ async def _performed(action: Action, path_element: str, once: bool, otherwise: B
     for one in before_next(path_element):
         await perform(one)
     executive = current.get() if otherwise is not None else executive_for("perform")
+    if executive is not None and (lost := left_behind(action, executive)) is not None:
+        return await _without_module(action, path_element, partial(_fail, lost))
     module = None if executive is None else module_for(executive, action, otherwise)
     if executive is None or module is None:
         if otherwise is not None:

@@ -9,6 +9,7 @@ import pytest
 
 from planlang import (
     Recovery,
+    fetch_again,
     give_turn,
     holding,
     open_what_is_in_the_way,
@@ -25,6 +26,8 @@ from planlang.failures import (
     HandleNotReachable,
     HandsFull,
     LocationUnresolvable,
+    ObjectLost,
+    ObjectUndeliverable,
     ObjectUnreachable,
     PlanFailure,
 )
@@ -99,6 +102,34 @@ def test_doors_that_are_each_behind_the_other_are_opened_once_each_and_the_failu
     run = run_plan(fetching(behind_the_door()), script=Script().on("OpeningAContainerArtifact", fails=behind_the_other))
     assert isinstance(run.failure, BehindClosedDoor)
     assert len(opened) == 2
+
+
+def test_what_the_only_hand_puts_down_to_open_a_door_is_taken_up_again_before_it_is_delivered() -> None:
+    undeliverable = ObjectUndeliverable(what="cup1")
+    undeliverable.__cause__ = BehindClosedDoor(what="table1", door=DOOR)
+    left = [undeliverable]
+
+    async def grasp() -> None:
+        await perform(action("ClosingAGripper", object_acted_on=CUP))
+
+    async def deliver() -> None:
+        if left:
+            raise left.pop()
+        await perform(action("OpeningAGripper", object_acted_on=CUP))
+
+    async def at_the_table() -> None:
+        await with_failure_handling(deliver, Recovery(ObjectUndeliverable, open_what_is_in_the_way(CUP)))
+
+    async def plan() -> None:
+        await grasp()
+        await with_failure_handling(at_the_table, Recovery(ObjectLost, fetch_again(CUP, grasp)))
+
+    full = HandsFull(what="handle", held={"arm": CUP})
+    run = run_plan(plan, script=Script().on("OpeningAContainerArtifact", fails=lambda: full, times=1))
+    assert run.failure is None
+    assert run.attempts("SettingAsideAnObject") == 1
+    assert run.attempts("ClosingAGripper") == 2
+    assert run.happened_before("OpeningAContainerArtifact", "OpeningAGripper")
 
 
 def test_what_is_out_of_reach_for_another_reason_stays_so() -> None:
