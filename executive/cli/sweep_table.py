@@ -28,11 +28,13 @@ def command(arguments: SweepTableArguments) -> Answer:
     """Print the table. Raises BadInput for a file that is not a sweep."""
     refuse(check_results(arguments, SweepTableArguments, {str(file): file for file in arguments.files}))
     sweeps = [read_sweep(file) for file in arguments.files]
-    comparison = comparison_of(sweeps)
-    rows = comparison.rows if len(sweeps) > 1 else sweeps[0].rows
+    first = sweeps[0]
+    is_one = len(sweeps) == 1
+    comparison = Comparison.of(first.rows, first.variants) if is_one and first.variants else comparison_of(sweeps)
+    rows = first.rows if is_one else comparison.rows
     title = ", ".join(sweep.file for sweep in sweeps)
     write_results(arguments, title, rows, comparison, _pages(arguments.reports or (), sweeps, comparison.rows))
-    return _compared(sweeps, comparison) if len(sweeps) > 1 else answered(sweeps[0])
+    return answered(first) if is_one else _compared(sweeps, comparison)
 
 
 def _pages(reports: Sequence[Path], sweeps: Sequence[Sweep], rows: Sequence[Row]) -> dict[tuple[Any, Any], Path]:

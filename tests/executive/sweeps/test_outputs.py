@@ -246,7 +246,7 @@ def test_sweep_and_compare_write_all_files_and_sweep_table_writes_them_again(
     assert done.exit_code == (0 if command == "compare" else 1), done.stderr
     shown = invoke("sweep-table", rows, *(w for n, f in again.items() for w in (f"--{n}", f)))
     assert shown.exit_code == 1, shown.stderr
-    for name in ("csv", "parquet"):
+    for name in ("csv", "parquet", *(["plot"] if vary else [])):
         assert files[name].read_bytes() == again[name].read_bytes()
     assert "<h1>pass_a_drink</h1>" in files["report"].read_text()
     suites = ElementTree.parse(files["junit"]).getroot()
