@@ -28,6 +28,10 @@ BUDGET, PER_STEP = 600.0, 60.0
 """Plan time, beside waiting, after which a run is aborted: a constant, and more for each step of the plan [s]."""
 
 
+ACTIONS_BEFORE = "with_actions_before"
+"""Node around a plan before which actions come."""
+
+
 @dataclass(frozen=True, slots=True)
 class Subject:
     """Subject of a plan: the map, its bodies, the parameters, and what the plan needs."""
@@ -101,12 +105,13 @@ def body_of(
         if one.step:
             before_steps.setdefault(one.step, []).append(one.action)
 
-    async def with_actions_before() -> Any:
+    async def before_and_plan() -> Any:
         for action_before in before_plan:
             await perform(action_before)
         return await plan(**bound)
 
-    whole = with_actions_before if before_plan else partial(plan, **bound)
+    before_and_plan.__name__ = ACTIONS_BEFORE
+    whole = before_and_plan if before_plan else partial(plan, **bound)
 
     async def body() -> Any:
         with without_recoveries() if bare else trying_more(attempts), preceded(before_steps):

@@ -13,7 +13,7 @@ from functools import cached_property
 from executive.maps.single_changes import leaf_moved, option_set, things_away, things_moved
 from executive.maps.supports import FLOOR, Standing
 from executive.why.costs import cost_of
-from executive.why.evidence import Evidence
+from executive.why.evidence import PUTTING_DOWN, Evidence
 from executive.why.free_places import is_free
 from planlang.advice import ARM, ATTEMPTS, BEFORE, GRASP, ROBOT, SCHEDULE, Change
 from planlang.designators import GRASPS
@@ -36,8 +36,8 @@ UNRELATED = 1_000_000
 MOST_SINGLE = 80
 """Number of single changes."""
 OPENING, CLOSING = "OpeningAContainerArtifact", "ClosingAContainerArtifact"
-PUTTING_DOWN, PUT_DOWN = "SettingAsideAnObject", "put down"
-"""Class of the action by which a held thing is put down, and the kind of this change."""
+PUT_DOWN = "put down"
+"""Kind of the change by which a held thing is put down."""
 
 
 @dataclass(frozen=True, slots=True)

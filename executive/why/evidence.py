@@ -8,6 +8,7 @@ from typing import Any
 
 from executive.locations.demands import LocationMeaningless
 from executive.locations.rejections import NO_HOLD
+from executive.runs.plan_body import ACTIONS_BEFORE
 from planlang.advice import Change
 from planlang.failures import (
     ActionUnresolvable,
@@ -26,6 +27,7 @@ from planlang.runs import RunTree, TaskNode
 from planlang.runs.codec import load_failure
 
 _NAME = re.compile(r"[\w.\-]+")
+_ATTEMPT = re.compile(r"(?<=/with_failure_handling)(?P<name>/[^/#]+)#\d+")
 OF_ROBOTS = (
     *(TooHeavy, HandsLacking, LocationMeaningless, MissingCapability, ActionUnresolvable, StateUnknown),
     ObjectNowhereToBeFound,
@@ -33,6 +35,8 @@ OF_ROBOTS = (
 """Failures of what a robot cannot do, wherever things are."""
 OF_HANDS = (HandsFull, HandsLacking)
 """Failures for want of a free hand."""
+PUTTING_DOWN = "SettingAsideAnObject"
+"""Class of the action by which a held thing is put down."""
 SAME = 100
 """Number of characters at either end by which texts are compared."""
 CONCURRENT = frozenset({"par", "partial_order", "par_each", "try_all", "with_requests"})
@@ -54,6 +58,7 @@ class Evidence:
     sentence: str
     """Class and message of the failure, with what was measured by the search that failed last."""
     where: str
+    """Path of the step that failed, without what a change adds to it: actions before the plan, and attempts."""
     is_concurrent: bool
     """True if the order of some steps was open."""
     is_of_places: bool
@@ -62,7 +67,7 @@ class Evidence:
     is_of_search: bool
     """True if a search found no place although every arm and grasp was open, and nothing had been grasped before."""
     steps: int
-    """Number of completed steps."""
+    """Number of steps of the plan that succeeded; -1 if it did not begin."""
     held: tuple[tuple[str, str], ...] = ()
     """Things that hands hold at the end, each with the path of the step that failed and could begin without it."""
 
@@ -88,12 +93,12 @@ class Evidence:
             tuple(dict.fromkeys(texts)),
             {} if search is None else dict(search.blocking),
             _sentence(told, last),
-            str(chain[0].get("where", "")) if chain else "",
+            _place(str(chain[0].get("where", ""))) if chain else "",
             any(node.kind in CONCURRENT and len(node.children) > 1 for node in tree.numbered.values()),
             not any(isinstance(one, OF_ROBOTS) or _is_of_hands(one) for one in last),
             any(type(one) in (LocationUnresolvable, HandleNotReachable) for one in last)
             and not any(record.get("event") == "belief" and record.get("change") == "grasped" for record in records),
-            sum(record.get("event") == "completed" and "value" in record for record in records),
+            _succeeded(tree),
             tuple(_held(tree, texts[:1], are_hands_lacking=any(isinstance(one, OF_HANDS) for one in last))),
         )
 
@@ -111,7 +116,8 @@ class Evidence:
 
     def is_past(self, other: Evidence) -> bool:
         """Check whether this run did more steps than another, or as many and failed elsewhere."""
-        return self.steps > other.steps or (self.steps == other.steps and self.where != other.where)
+        is_elsewhere = self.where != other.where and f"/{PUTTING_DOWN}/" not in self.where
+        return self.steps > other.steps or (self.steps == other.steps and is_elsewhere)
 
     def named(self, names: Collection[str]) -> list[str]:
         """List those of some names that the failures name: what was acted on, what was in the way, then others."""
@@ -120,6 +126,18 @@ class Evidence:
         found.update(dict.fromkeys([*first, *(name for name in self.blocking if name in names)]))
         found.update(dict.fromkeys(_named(self.texts, names)))
         return list(found)
+
+
+def _place(where: str) -> str:
+    return _ATTEMPT.sub(r"\g<name>", where.replace(f"/{ACTIONS_BEFORE}/", "/"))
+
+
+def _succeeded(tree: RunTree) -> int:
+    """Count the steps of the plan that succeeded, without things that were put down before one."""
+    plan = next((node for node in tree.numbered.values() if node.kind == "plan"), None)
+    if plan is None:
+        return -1
+    return sum(one.status == "succeeded" and one.action != PUTTING_DOWN for one in plan.children)
 
 
 def _held(tree: RunTree, texts: Sequence[str], *, are_hands_lacking: bool) -> Iterator[tuple[str, str]]:

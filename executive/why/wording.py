@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from executive.why.candidates import CLOSING, OPENING, PUTTING_DOWN
+from executive.why.candidates import CLOSING, OPENING
 from executive.why.costs import displacement, groups_of
+from executive.why.evidence import PUTTING_DOWN
 from planlang.advice import ABSENT, ARM, ATTEMPTS, BEFORE, GRASP, POSITION, ROBOT, SCHEDULE, START, Change
 from sim import Scene
 from sim.joints import Articulation, JointKind

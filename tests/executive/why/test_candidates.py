@@ -141,3 +141,10 @@ def test_a_door_that_is_ajar_may_be_shut_or_open_further() -> None:
     ajar = replace(SCENE, joints=(replace(HINGE, first=0.5),))
     doors = [one.changes[0].value for one in singles(replace(SITUATION, scene=ajar)) if one.kind == "door"]
     assert doors == [0.0, 1.57]
+
+
+def test_a_run_is_past_another_if_more_steps_succeeded_or_as_many_and_another_one_failed() -> None:
+    assert replace(EVIDENCE, steps=2).is_past(EVIDENCE)
+    assert replace(EVIDENCE, where="serve/pour").is_past(EVIDENCE)
+    assert not replace(EVIDENCE, steps=0, where="serve/pour").is_past(EVIDENCE)
+    assert not replace(EVIDENCE, where="serve/SettingAsideAnObject/LoweringAnObject").is_past(EVIDENCE)

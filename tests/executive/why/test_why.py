@@ -16,6 +16,8 @@ import pytest
 from cli_runs import invoke
 
 import planlang
+from executive.runs.traces import recorded_run
+from executive.why.evidence import Evidence
 from planlang.advice import Change
 
 ROOM = """
@@ -254,3 +256,14 @@ def test_the_page_of_both_runs_has_both_and_allows_only_their_scripts(room: Path
     assert all(hashes and hashes <= outer for hashes in allowed)
     assert '"status":"failed"' in inner[0]
     assert '"status":"succeeded"' in inner[1]
+
+
+def test_a_door_that_cannot_be_opened_before_the_plan_is_no_progress(room: Path) -> None:
+    failed_unless("False")
+    before = invoke("run", *WORDS, "--before", "OpeningAContainerArtifact door1", "--trace", "before.jsonl")
+    assert before.exit_code == 1
+    first, second = (
+        Evidence.of([line.record for line in recorded_run(room / name).lines]) for name in ("run.jsonl", "before.jsonl")
+    )
+    assert (first.steps, second.steps) == (0, -1)
+    assert not second.is_past(first)
