@@ -157,16 +157,18 @@ class Wipe:
     # What became of lanes
 
     def done(self, lane: Lane, run: Run) -> None:
-        """Note that a part of a lane was wiped; the rest stays due."""
+        """Note that a part of a lane was wiped; the rest stays due, from the last place that was wiped."""
         self.wiped.append(lifted(lane.places[run.first : run.last + 1]))
-        rest = lane.places[: run.first], lane.places[run.last + 1 :]
+        rest = lane.places[: run.first + 1], lane.places[run.last :]
         self._replace(lane, [replace(lane, places=part) for part in rest if len(part) >= SHORT])
 
     def failed(self, lane: Lane, problem: PlanFailure) -> None:
         """Note that no stroke was found for a lane: its halves are tried; short ones from other base poses only."""
         self.problems.append(problem)
         if len(lane.places) >= LONG:
-            self._replace(lane, [replace(lane, places=part) for part in np.array_split(lane.places, 2)])
+            middle = len(lane.places) // 2
+            halves = lane.places[: middle + 1], lane.places[middle:]
+            self._replace(lane, [replace(lane, places=half) for half in halves])
         else:
             self._replace(lane, [Lane(lane.places, (*lane.failed, self.platform.base()))])
 
