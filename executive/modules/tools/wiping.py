@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import field, replace
 from functools import partial
+from itertools import islice
 
 import numpy as np
 
@@ -40,8 +41,10 @@ STANDS = 12
 """Most base poses from which to wipe a surface."""
 SCREENED, JUDGED = 12, 3
 """Base poses that reach most waypoints and pass the quick check for collisions, and of these the exact one."""
+MOST = 48
+"""Most base poses to check, SCREENED at a time, while the arm can wipe nothing from any of those before."""
 DRIVING = 2.0
-"""Waypoints that must be gained by driving one metre."""
+"""Waypoints that must be gained by driving one metre, once enough is wiped."""
 HERE = 4
 """Consecutive failures of strokes before the base moves on."""
 WAYS = 3
@@ -72,6 +75,8 @@ class Wipe:
     motion: GroundedMotion
     pose: Array
     """Pose (4, 4) of the object in the map."""
+    room: Room
+    """What is free of the surface."""
     reach: LaneReach | None
     """What the arm reaches; None if no posture holds the tool flat."""
     due: list[Lane]
@@ -83,6 +88,10 @@ class Wipe:
         """Check that nothing is due any more."""
         return not self.due
 
+    def is_enough(self) -> bool:
+        """Check that so much was wiped that wiping may end."""
+        return self.room.share(self.wiped, self.room) >= ENOUGH
+
     def in_map(self, lane: Lane) -> Array:
         """Compute the positions (k, 2) of a lane in the map."""
         return np.asarray(moved(self.pose, lane.places)[:, :2])
@@ -92,21 +101,26 @@ class Wipe:
     def stands(self) -> Iterator[BasePose]:
         """Yield base poses from which much of what is due can be wiped, the best first.
 
-        Of those that reach most waypoints, what is free of collisions counts.
+        Of those that reach most waypoints, what is free of collisions counts. Once enough is wiped, a base pose has to
+        be worth the drive.
         """
-        bases = self._bases(coarse=True)
-        worth = self._worth(bases)
+        bases, driving = self._bases(coarse=True), 1.0 if self.is_enough() else 0.0
+        worth = self._worth(bases, driving)
         best = bases[np.argsort(-worth, kind="stable")[:1], :2]
         fine = self._bases(coarse=False)
         fine = fine[np.linalg.norm(fine[:, None, :2] - best, axis=2).min(axis=1, initial=math.inf) < 2 * BESIDE]
-        bases, worth = np.concatenate([bases, fine]), np.concatenate([worth, self._worth(fine)])
-        judged: list[tuple[float, int, BasePose]] = []
-        for _, number, base in sorted(self._screened(bases, worth), key=lambda one: one[:2]):
-            if len(judged) < JUDGED and (number == 0 or self.platform.standing().poses.has_room(base)):
-                gain = sum(len(next(self.runs(base, lane), ())) for lane in self.due)
-                if gain > (cost := self._cost(bases[number])):
-                    judged.append((round(cost - gain, 6), number, base))
-        yield from (base for _, _, base in sorted(judged))
+        bases, worth = np.concatenate([bases, fine]), np.concatenate([worth, self._worth(fine, driving)])
+        screened = self._screened(bases, worth)
+        while some := sorted(islice(screened, SCREENED)):
+            judged = list[tuple[float, int, BasePose]]()
+            for _, number, base in some:
+                if len(judged) < JUDGED and (number == 0 or self.platform.standing().poses.has_room(base)):
+                    gain = sum(len(next(self.runs(base, lane), ())) for lane in self.due)
+                    if gain > driving * (cost := self._cost(bases[number])):
+                        judged.append((round(cost - gain, 6), number, base))
+            yield from (base for _, _, base in sorted(judged))
+            if judged:
+                return
 
     def _screened(self, bases: Array, worth: Array) -> Iterator[tuple[float, int, BasePose]]:
         """Yield some of bases (m, 3) that are worth most and not beside each other: cost less gain, number, pose."""
@@ -114,7 +128,7 @@ class Wipe:
         for number in np.argsort(-worth, kind="stable").tolist():
             x, y, yaw = bases[number].tolist()
             base = (x, y, yaw)
-            if len(chosen) == SCREENED or worth[number] <= 0.0 or self.reach is None:
+            if len(chosen) == MOST or worth[number] == -math.inf or self.reach is None:
                 return
             if not any(map(partial(_beside, base), chosen)):
                 chosen.append(base)
@@ -141,15 +155,19 @@ class Wipe:
         free[:1] |= coarse
         return np.asarray(every[free])
 
-    def _worth(self, bases: Array) -> Array:
-        """Count the due waypoints that are reached from bases (m, 3), less the cost of driving there (m,)."""
+    def _worth(self, bases: Array, driving: float) -> Array:
+        """Count the due waypoints that are reached from bases (m, 3), less the cost of driving there (m,).
+
+        It is -inf where they are no more than ``driving`` times that cost.
+        """
         if self.reach is None or not len(bases):
-            return np.zeros(len(bases))
+            return np.full(len(bases), -math.inf)
         counts = self.reach.counts(bases, [self.in_map(lane) for lane in self.due])
         for number, lane in enumerate(self.due):
             if lane.failed:
                 counts[:, number] *= np.array([lane.is_due_at((x, y, yaw)) for x, y, yaw in bases.tolist()])
-        return np.asarray((counts.sum(axis=1) - np.array(list(map(self._cost, bases)))).round(6))
+        gains, costs = counts.sum(axis=1), np.array(list(map(self._cost, bases)))
+        return np.where(gains > driving * costs, (gains - costs).round(6), -math.inf)
 
     def _cost(self, base: Array) -> float:
         return DRIVING * math.dist(base[:2].tolist(), self.platform.base()[:2])
@@ -204,9 +222,8 @@ class Wiping(StrokeWork):
         lanes = [Lane(lane[1:-1, :3]) for lane in room.lanes()]
         if not lanes:
             raise self._no_room(plane, motion)
-        wipe = Wipe(
-            self.platform, motion, motion.things[plane.thing], self._reach(grounding, plane, motion, lanes), lanes
-        )
+        reach = self._reach(grounding, plane, motion, lanes)
+        wipe = Wipe(self.platform, motion, motion.things[plane.thing], room, reach, lanes)
         failures = (ConstraintsUnsatisfied, NavigationFailure, ManipulationPoseUnreachable)
         skill = Skill(
             wipe.stands,
