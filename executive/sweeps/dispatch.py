@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from distributed import Client, Future
+from distributed.comm import get_address_host_port
 
 from executive.processes.workers import ATTEMPTS
 from executive.sweeps import cluster_worker
@@ -84,6 +85,8 @@ class Dispatcher:
         self._current: asyncio.Task[None] | None = None
         self._is_unconnected = False
         """True if it was said that no scheduler answers, until a worker joins."""
+        self._absence = ""
+        """What the last attempt to connect found in place of a scheduler; "" if it found one."""
         self._total = len(worlds)
 
     async def run(self, address: str) -> None:
@@ -94,7 +97,7 @@ class Dispatcher:
             while self._left > 0:
                 client = _client(address, timeout)
                 try:
-                    await self._until_stopped(self._connected(client))
+                    await self._until_stopped(self._connected(client, timeout))
                 finally:
                     await self._leave(client)
 
@@ -111,19 +114,22 @@ class Dispatcher:
         if not self._current.cancelled():
             self._current.result()
 
-    async def _connected(self, client: Client) -> None:
+    async def _connected(self, client: Client, timeout: float) -> None:
         """Connect to the scheduler and run worlds while it is there."""
         try:
-            await client
+            async with asyncio.timeout(timeout):  # that of the client ends no wait for an answer to its greeting
+                await client
         except (TypeError, ImportError) as problem:  # no certificates, or a scheduler of another time
             raise _unusable(self._address, problem) from None
         except OSError:
+            self._absence = await _absence(self._address, timeout)
             if not self._is_unconnected:
                 self._is_unconnected = True
-                self._say_waiting(f"no scheduler answers at {self._address}")
+                self._say_waiting(self._absence)
             self._check_wait()
             await asyncio.sleep(POLLED_EVERY)
         else:
+            self._absence = ""
             await self._session(client)
 
     async def _session(self, client: Client) -> None:
@@ -345,10 +351,8 @@ class Dispatcher:
         """Give up if there was no worker for too long. Raises BadInput."""
         if self._places or time.monotonic() - self._last_worker <= self._task.cluster_wait:
             return
-        message = (
-            f"the cluster of {self._address} had no worker for {self._task.cluster_wait:g} s; "
-            f"{self._left} of {self._total} worlds have not run"
-        )
+        lacking = self._absence or f"the cluster of {self._address} has no worker"
+        message = f"waited {self._task.cluster_wait:g} s: {lacking}; {self._left} of {self._total} worlds have not run"
         raise BadInput([error("C036", message, help=self._task.resume)])
 
     async def _leave(self, client: Client) -> None:
@@ -368,6 +372,17 @@ class Dispatcher:
 
 def _number(worlds: Sequence[object] | dict[Any, Any]) -> str:
     return f"{len(worlds)} world" + "s" * (len(worlds) != 1)
+
+
+async def _absence(address: str, timeout: float) -> str:
+    """Say what there is in place of a scheduler: nothing that can be reached, or another program."""
+    try:
+        async with asyncio.timeout(timeout):
+            _, stream = await asyncio.open_connection(*get_address_host_port(address))
+    except OSError:
+        return f"no scheduler answers at {address}"
+    stream.close()
+    return f"what listens at {address} does not answer as a scheduler of dask"
 
 
 def _client(address: str, timeout: float) -> Client:

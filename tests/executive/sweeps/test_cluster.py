@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -92,10 +93,30 @@ def test_a_sweep_gives_up_without_a_scheduler_and_says_so() -> None:
     ]
 
 
-@pytest.mark.parametrize("engine", ["slurm", "tcp:host", "http://host:8786", ""])
-def test_an_engine_that_there_is_not_is_refused(engine: str) -> None:
-    with refusal("C040", naming="local, dask, or the address of a scheduler"):
-        run(numbered(1), SQUARE, engine)
+def test_a_program_that_listens_and_is_no_scheduler_is_named_as_such_within_the_wait() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:  # accepts connections, and never answers
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        with refusal("C036", naming=f"waited 0.1 s: what listens at {address} does not answer as a scheduler of dask"):
+            run(numbered(2), SQUARE, address, cluster_wait=0.1)
+
+
+@pytest.mark.parametrize(
+    ("engine", "reason"),
+    [
+        *((one, "local, dask, or the address of a scheduler") for one in ("slurm", "tcp:host", "http://host:8786", "")),
+        *((one, "local, dask, or the address of a scheduler") for one in ("tcp://:8786", "tcp://a..b:8786")),
+        ("tcp://127.0.0.1", "the port is missing; write for example tcp://127.0.0.1:8786"),
+        ("tls://[::1]", "the port is missing; write for example tls://[::1]:8786"),
+        ("tcp://lab:99999", "ports are from 1 to 65535"),
+        ("tcp://lab:0", "ports are from 1 to 65535"),
+    ],
+)
+def test_an_engine_that_there_is_not_is_refused_before_the_file_is_begun(
+    tmp_path: Path, engine: str, reason: str
+) -> None:
+    with refusal("C040", naming=reason):
+        run(numbered(1), SQUARE, engine, out=tmp_path / "rows")
+    assert not (tmp_path / "rows").exists()
 
 
 def test_files_travel_by_content_and_rows_have_the_paths_of_the_client(
