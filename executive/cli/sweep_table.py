@@ -56,7 +56,8 @@ def answered(sweep: Sweep) -> Answer:
     """Answer with the table of a sweep, and a warning if worlds are missing."""
     total = len(sweep.header["worlds"])
     code, variants = exit_code(sweep.rows, total), sweep.variants
-    table = counted(sweep.rows, total, code, _incomplete(sweep), variants=list(variants))
+    found = [*notes_on([sweep]), *_incomplete(sweep)]
+    table = counted(sweep.rows, total, code, found, variants=list(variants))
     if len(variants) < 2:
         return table
     comparison = Comparison.of(sweep.rows, variants)

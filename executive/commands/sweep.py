@@ -203,12 +203,15 @@ def _texts(values: Sequence[Any]) -> list[str]:
 
 
 def _other_worlds(parts: Sequence[_Part]) -> list[Diagnostic]:
-    """Warn of variants in other environments, unless these are what varies: their worlds are not the same."""
-    chosen = {str(part.files.environment): part.files.environment for part in parts if part.files.environment}
-    if len(chosen) < 2 or any(part.variant is not None and "environment" in part.variant.columns for part in parts):
+    """Warn of variants in other environments: their worlds are not the same."""
+    chosen = dict.fromkeys((one.files.environment, *one.files.additions) for one in parts if one.files.environment)
+    if len(chosen) < 2:
         return []
-    names = ", ".join(path.name.partition(".")[0] for path in chosen.values())
-    advice = Text(Option("environment"), " names one for all")
+    names = ", ".join(" and ".join(path.name.partition(".")[0] for path in paths if path) for paths in chosen)
+    if any(part.variant is not None and "environment" in part.variant.columns for part in parts):
+        advice = Text("compare how often they reach their goals: world N of one is not world N of another")
+    else:
+        advice = Text(Option("environment"), " names one for all")
     return [warning("C038", f"the variants are in different environments: {names}", help=advice)]
 
 

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from executive.runs.files import refuse
-from executive.sweeps.files import Sweep, different_values
+from executive.sweeps.files import Sweep
+from executive.sweeps.headers import different_parts, environments_of, listed
 from executive.sweeps.paired import (
     LEVEL,
     Counts,
@@ -242,18 +243,34 @@ def comparison_of(sweeps: Sequence[Sweep]) -> Comparison:
 
 
 def notes_on(sweeps: Sequence[Sweep]) -> Iterator[Diagnostic]:
-    """Say how sweeps that are compared differ, and warn if they are not in the same environment."""
+    """Say how sweeps that are compared differ, and warn if they, or variants, are not in the same environment."""
     first = sweeps[0]
+    yield from _other_environments(first, first, len(sweeps) == 1)
     for other in sweeps[1:]:
-        found = different_values(other.header, first.header)
-        in_other = [text for name, text in found if "content of environment" in name]
-        if in_other and not (first.variants or other.variants):
-            message = f"{other.file} and {first.file} are in different environments: their worlds are not the same"
-            yield warning("C038", message, Span(other.file, 1))
-        if told := [text for _, text in found if text not in in_other]:
+        yield from _other_environments(other, first)
+        if told := different_parts(other.header, first.header, environments=False):
             yield note("C039", f"it differs from {first.file}: {'; '.join(told)}", Span(other.file, 1))
-        elif not in_other:
+        elif environments_of(other.header) == environments_of(first.header):
             yield note("C039", f"{other.file} and {first.file} are files of the same sweep", Span(other.file, 1))
+
+
+def _other_environments(sweep: Sweep, first: Sweep, is_alone: bool = False) -> Iterator[Diagnostic]:
+    """Warn of variants, or of a sweep without some, in another environment than the first variant of all."""
+    known, own = environments_of(first.header), environments_of(sweep.header)
+    reference = next(iter(known.values()))
+    others = [name for name, environment in own.items() if environment and environment != reference]
+    if reference and others:
+        same = [name for name, environment in known.items() if environment == reference]
+        pair = f"{_named(sweep, others, is_alone)} and {_named(first, same, is_alone)}"
+        message = f"{pair} are in different environments: their worlds are not the same"
+        yield warning("C038", message, Span(sweep.file, 1))
+
+
+def _named(sweep: Sweep, variants: Sequence[str], is_alone: bool) -> str:
+    """Name variants of a sweep, by its file if they are all that it has."""
+    if len(variants) == max(1, len(sweep.variants)):
+        return sweep.file
+    return listed(variants) if is_alone else f"{sweep.file}: {listed(variants)}"
 
 
 def _by_seed(row: Row) -> tuple[bool, Any]:

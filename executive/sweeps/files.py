@@ -19,6 +19,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from executive.sweeps.headers import Header, differences
 from executive.sweeps.records import Row, World
 from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.files import read_file
@@ -37,7 +38,6 @@ _ROW = {
     **{"reached": FLAG, "failure": TEXTS, "duration": NUMBER},
 }
 """What the entries of a row have to be, if they are there."""
-Header = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,24 +148,6 @@ def read_sweep(path: Path) -> Sweep:
             raise BadInput([error("C030", f"this line of a sweep is damaged: {wrong}", Span(str(path), number))])
         rows[key] = row
     return Sweep(str(path), header, tuple(rows.values()), len(rest))
-
-
-def differences(header: Header, other: Header) -> list[str]:
-    """Describe how two sweeps differ; empty for shards of one sweep."""
-    texts = [text for _, text in different_values(header, other)]
-    if len(header["worlds"]) != len(other["worlds"]):
-        texts.append(f"it has {len(header['worlds'])} worlds, not {len(other['worlds'])}")
-    elif not texts and header["worlds_sha256"] != other["worlds_sha256"]:
-        texts.append("the worlds differ")
-    return texts
-
-
-def different_values(header: Header, other: Header) -> list[tuple[str, str]]:
-    """Names of what differs between two sweeps beside their worlds, each with a sentence."""
-    pairs = [(name, header[name], other[name]) for name in ("version", "job")]
-    there, here = header["about"], other["about"]
-    pairs += [(name, there.get(name), here.get(name)) for name in sorted({*there, *here})]
-    return [(name, f"{name} is {one!s:.200}, not {two!s:.200}") for name, one, two in pairs if one != two]
 
 
 def _resume(path: Path, descriptor: int, header: Header) -> Sweep:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from executive.sweeps.comparison import Comparison, comparison_of, notes_on
 from executive.sweeps.files import Sweep
+from executive.sweeps.headers import differences
 
 A, B = "grip=old", "grip=new"
 NAMES = {A: {"grip": "old"}, B: {"grip": "new"}}
@@ -125,8 +126,56 @@ def test_what_differs_between_sweeps_is_said_and_other_environments_are_warned_o
     assert told == [
         ("note", "C039", "b and a are files of the same sweep"),
         ("warning", "C038", "c and a are in different environments: their worlds are not the same"),
-        ("note", "C039", "it differs from a: arguments is planlang run y, not planlang run x"),
+        ("note", "C039", "it differs from a: planlang run y, not planlang run x"),
     ]
+
+
+def with_variants(file: str, **variants: dict[str, Any]) -> Sweep:
+    """A sweep whose variants depend on what is stated of each."""
+    about = {f"{name}: {key}": value for name, own in variants.items() for key, value in own.items()}
+    return Sweep(file, {"about": {"variants": {name: {} for name in variants}, "seconds": 9, **about}, **REST}, ())
+
+
+REST = {"version": "1", "job": "x", "worlds": [], "worlds_sha256": ""}
+
+
+def test_variants_in_other_environments_are_warned_of_within_a_file_and_between_files() -> None:
+    here, there = {"content of environment": "1"}, {"content of environment": "2"}
+    one, both = with_variants("one", a=here, b=here), with_variants("both", a=here, b=there)
+    plain = Sweep("plain", {"about": {"seconds": 9, **there}, **REST}, ())
+    said = [
+        [text.message.partition(" are in")[0] for text in notes_on(sweeps) if text.code == "C038"]
+        for sweeps in ([one], [both], [one, both], [both, one], [plain, one], [both, plain])
+    ]
+    assert said == [
+        [],
+        ["b and a"],
+        ["both: b and one"],
+        ["both: b and both: a"],
+        ["one and plain"],
+        ["both: b and both: a", "plain and both: a"],
+    ]
+
+
+def test_what_differs_between_variants_is_said_in_few_words_and_once() -> None:
+    digest = {"content of recipe": "0" * 64, "content of robot": "1" * 64, "settings": {}}
+    plain = Sweep("plain", {"about": {"seconds": 9, "arguments": "run x", **digest}, **REST}, ())
+    mine = {"arguments": "run y --set a=b", **digest, "settings": {"a": "b"}, "content of robot": "2" * 64}
+    file = with_variants("file", old={"arguments": "run y", **digest}, mine=mine)
+    (found,) = notes_on([plain, file])
+    assert found.message == (
+        "it differs from plain: its variants are old, mine; old: run y, not run x; "
+        "mine: run y --set a=b, not run x; mine: other contents of robot"
+    )
+    slower = with_variants("slower", old={**digest, "seconds": 5}, mine={**mine, "seconds": 5})
+    (found,) = notes_on([with_variants("known", old=digest, mine=mine), slower])
+    assert found.message == "it differs from known: seconds are 5, not 9"
+    assert differences(file.header, with_variants("other", old=mine, new=mine).header) == [
+        "its variants are old, mine, not old, new",
+        "old: without --set a=b",
+        "old: other contents of robot",
+    ]
+    assert differences(file.header, file.header) == []
 
 
 def test_a_notebook_shows_tables_in_which_names_are_text() -> None:

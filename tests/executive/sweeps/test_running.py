@@ -138,7 +138,7 @@ def test_a_file_of_another_sweep_is_refused_and_what_differs_is_said(tmp_path: P
     run(numbered(2), SQUARE, processes=1, out=out, about={"arguments": "serve_a_drink"})
     kept = out.read_bytes()
     for refused, why in (
-        ({"about": {"arguments": "stir_soup"}}, "arguments is serve_a_drink, not stir_soup"),
+        ({"about": {"arguments": "stir_soup"}}, "serve_a_drink, not stir_soup"),
         ({"shard": (1, 2)}, "shard is 1/1, not 1/2"),
         ({"job": ENDS}, "job is tests.support.sweep_jobs:square, not tests.support.sweep_jobs:ends"),
         ({"worlds": numbered(3)}, "it has 2 worlds, not 3"),
