@@ -59,6 +59,7 @@ def variants_of(options: SweepOptions) -> tuple[Variant, ...]:
     number = math.prod(map(len, varied), start=max(1, len(named)))
     if number > MOST_VARIANTS:
         raise WrongOption(f"these are {number:,} variants; at most {MOST_VARIANTS} are run")
+    _check_once(named, varied)
     found: dict[str, Mapping[str, Any]] = {}
     for label, own in named or ([("", {})] if varied else []):
         for chosen in product(*varied):
@@ -70,6 +71,21 @@ def variants_of(options: SweepOptions) -> tuple[Variant, ...]:
                 raise WrongOption(f"two variants are called {name}")
             found[name] = _merged(own, chosen)
     return tuple(_with_columns(found, options))
+
+
+def _check_once(
+    named: Sequence[tuple[str, Mapping[str, Any]]], varied: Sequence[Sequence[tuple[str, str, Any]]]
+) -> None:
+    """Check that nothing varies under two names, or is set by a variant with a label, too. Raises WrongOption."""
+    once = dict[str, str]()
+    for (name, key, value), *_ in varied:
+        (column,) = _flat({key: value})
+        if column in once:
+            raise WrongOption(f"{once[column]} and {name} vary the same")
+        once[column] = name
+    for label, own in named:
+        if twice := next((column for column in _flat(own) if column in once), None):
+            raise WrongOption(f"variant {label} sets {twice}, which ", Option("vary"), " varies")
 
 
 def _merged(own: Mapping[str, Any], chosen: Sequence[tuple[str, str, Any]]) -> Mapping[str, Any]:

@@ -122,6 +122,9 @@ def test_flags_and_numbers_vary_by_their_values() -> None:
         ({"variant": {"a": "x"}}, "as a dictionary"),
         ({"variant": {"a": {"schedule": "x"}}}, "write an integer"),
         ({"variant": ["a: --set bottle"]}, "is not NAME=THING"),
+        ({"vary": {"robot": ["amigo"], "--robot": ["pr2"]}}, "robot and --robot vary the same"),
+        ({"variant": ["a: --robot x"], "vary": ["robot=y,z"]}, "variant a sets robot, which"),
+        ({"variant": ["a: --set b=c"], "vary": ["b=d"]}, "variant a sets b, which"),
         ({"variant": {"a": {}, "a b": {}}, "vary": {"b": ["1"]}}, ""),
     ],
 )
