@@ -40,3 +40,8 @@ def seconds(given: Any) -> float:
     if match is None:
         raise WrongOption(f"{given!r} is no time; write for example ", Option("cluster_wait", "300s"))
     return float(match[1]) * _UNITS[match[2]]
+
+
+def in_seconds(time: float) -> str:
+    """A time [s] as a text that :func:`seconds` reads."""
+    return f"{time:.15g}s"

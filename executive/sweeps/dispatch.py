@@ -343,16 +343,17 @@ class Dispatcher:
             self._say_waiting(f"the scheduler {self._address} is gone")
 
     def _say_waiting(self, what: str) -> None:
-        wait = self._task.cluster_wait
+        wait = f"{self._task.cluster_wait:.15g} s"
         runs = "run" if self._left > 1 else "runs"
-        self._report(f"{what}: {_number(range(self._left))} {runs} once workers join; waits up to {wait:g} s for one")
+        self._report(f"{what}: {_number(range(self._left))} {runs} once workers join; waits up to {wait} for one")
 
     def _check_wait(self) -> None:
         """Give up if there was no worker for too long. Raises BadInput."""
         if self._places or time.monotonic() - self._last_worker <= self._task.cluster_wait:
             return
         lacking = self._absence or f"the cluster of {self._address} has no worker"
-        message = f"waited {self._task.cluster_wait:g} s: {lacking}; {self._left} of {self._total} worlds have not run"
+        wait = self._task.cluster_wait
+        message = f"waited {wait:.15g} s: {lacking}; {self._left} of {self._total} worlds have not run"
         raise BadInput([error("C036", message, help=self._task.resume)])
 
     async def _leave(self, client: Client) -> None:

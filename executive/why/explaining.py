@@ -11,6 +11,7 @@ from typing import Any
 
 from executive.maps.scene import scene_of
 from executive.options.declaring import as_json, check_written, made, stated, values_of
+from executive.options.engines import in_seconds
 from executive.options.running import RunSettings, SituationSettings, WhyOptions
 from executive.robots import Robot
 from executive.runs.explanation import Explanation
@@ -66,7 +67,7 @@ def why(options: WhyOptions, *, told: Told = lambda line: None) -> Explanation:
 def _asked(options: WhyOptions) -> Call:
     """The call that asks once more."""
     values = {**dict(stated(options, WhyOptions)), "apply": options.apply, "report": options.report}  # files are shown
-    values["cluster_wait"] = f"{options.cluster_wait:g}s"
+    values["cluster_wait"] = in_seconds(options.cluster_wait)
     return calling("why", options.trace, *filter(None, (options.file,)), **values)
 
 
