@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.options.declaring import as_json, stated, values_of
+from executive.options.engines import in_seconds
 from executive.options.results import ResultFiles
 from executive.options.running import SituationSettings, SweepOptions
 from executive.runs.files import RecipeFile, refuse
@@ -20,7 +21,7 @@ from executive.runs.prepared import prepared
 from executive.sweeps import Row, World, run
 from executive.sweeps.comparison import Comparison
 from executive.sweeps.installations import check_options, installation
-from executive.sweeps.records import LIMITS, Done
+from executive.sweeps.records import LIMITS, READS_RUN, Done
 from executive.sweeps.results import check_results, page_file, pages_of, write_results
 from executive.sweeps.variants import Variant, variants_of
 from planlang.diagnostics import BadInput, Diagnostic, warning
@@ -28,7 +29,7 @@ from planlang.language.source import PlanSource
 from planlang.shell import quoted
 from planlang.words import COMMAND_LINE, Blank, Option, Text, calling
 
-JOB, READS = "executive.commands.swept_world:ended", "executive.commands.swept_world:assembled"
+JOB = "executive.commands.swept_world:ended"
 _WALL_PER_CPU = 5.0
 """Wall-clock limit of a world in multiples of its CPU limit: other programs may use the cores, too."""
 
@@ -71,7 +72,7 @@ def swept(
         shard=options.shard or (1, 1),
         together=len(parts),
         cluster_wait=options.cluster_wait,
-        reads=READS,
+        reads=READS_RUN,
         resume=_again(command, options, parts[0]),
         say=say,
         told=finished,
@@ -188,7 +189,7 @@ def _again(command: str, options: SweepOptions, part: _Part) -> Text:
     texts: dict[str, object] = {
         "vary": [f"{name}={text}" for name, each in (options.vary or {}).items() for text in _texts(each)],
         "shard": None if options.shard is None else "/".join(map(str, options.shard)),
-        "cluster_wait": f"{options.cluster_wait:g}s",
+        "cluster_wait": in_seconds(options.cluster_wait),
     }
     if all(isinstance(words, list) for words in (options.variant or {}).values()):  # as the command line has them
         texts["variant"] = [f"{name}: {shlex.join(words)}" for name, words in (options.variant or {}).items()]
@@ -220,7 +221,7 @@ def _about(options: SweepOptions, parts: Sequence[_Part]) -> Mapping[str, Any]:
     variants = {part.variant.name: dict(part.variant.columns) for part in parts if part.variant is not None}
     about = dict(one for part in parts for one in part.about())
     limits = {"seconds": options.seconds, "memory": options.memory}
-    if not variants:  # in the order in which files have always had them
+    if not variants:  # the call first, which says most
         first = {name: about.pop(name) for name in ("arguments", "settings")}
         return {**first, **limits, **about}
     return {"variants": variants, **limits, **about}

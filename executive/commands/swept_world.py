@@ -9,7 +9,6 @@ from typing import Any
 
 from executive.options.declaring import made
 from executive.options.running import RunSettings
-from executive.runs.assembled import read_files_of
 from executive.runs.options import Outcome, RunOptions
 from executive.runs.plan_run import run_plan_file
 from executive.runs.prepared import Inputs
@@ -37,8 +36,3 @@ def ended(world: Mapping[str, Any]) -> dict[str, Any]:
         "final_state": list(result.final_state),
         "largest_tilts": result.tilts.degrees(),
     }
-
-
-def assembled(world: Mapping[str, Any]) -> None:
-    """Read the files of a world as its run does, and do not run it. Raises BadInput."""
-    read_files_of(RunOptions.of(made(RunSettings, world["options"])))

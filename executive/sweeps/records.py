@@ -25,6 +25,8 @@ Row = dict[str, Any]
 without reaching its goal), ``failure`` (class of the failure, then of its causes), ``message``, and ``duration`` [s of
 plan time].
 """
+READS_RUN = "executive.runs.assembled:read_files"
+"""What reads the files of a world whose job is a run (:attr:`Task.reads`): by name, as only its process imports it."""
 CRASHED = "crashed"
 """Outcome of a world whose job raised an exception, crashed or exceeded its limits."""
 

@@ -7,7 +7,6 @@ from typing import Any
 
 from executive.options.declaring import made
 from executive.options.running import RunSettings
-from executive.runs.assembled import read_files_of
 from executive.runs.options import RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file
 from executive.runs.prepared import Inputs
@@ -17,16 +16,11 @@ from planlang.advice import Change
 from planlang.diagnostics import BadInput
 from planlang.words import COMMAND_LINE, said
 
-JOB, READS = "executive.why.rerun:ended", "executive.why.rerun:assembled"
+JOB = "executive.why.rerun:ended"
 REFUSED = "refused"
 """Outcome of a run that cannot begin with its changes."""
 _INPUTS = Inputs()
 """Inputs that all reruns of this process have in common."""
-
-
-def assembled(world: Mapping[str, Any]) -> None:
-    """Read the files of a rerun as it does, and do not run it. Raises BadInput."""
-    read_files_of(RunOptions.of(made(RunSettings, world["options"])))
 
 
 def ended(world: Mapping[str, Any]) -> Row:

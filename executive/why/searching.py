@@ -9,10 +9,10 @@ from itertools import combinations
 from typing import Any
 
 from executive.sweeps import Row, World, run
-from executive.sweeps.records import LIMITS, Done, is_reached
+from executive.sweeps.records import LIMITS, READS_RUN, Done, is_reached
 from executive.why.candidates import Candidate, Situation, advised, can_be_joined, cheaper, followed, pair, singles
 from executive.why.evidence import Evidence
-from executive.why.rerun import JOB, READS
+from executive.why.rerun import JOB
 from planlang.advice import ROBOT, Change
 from planlang.records import dataclass
 
@@ -96,7 +96,7 @@ class Reruns:
                 for number, candidate in enumerate(chosen)
             ]
             with suppress(_Found):
-                run(worlds, JOB, limits=LIMITS, told=known, reads=READS, **self._engine)
+                run(worlds, JOB, limits=LIMITS, told=known, reads=READS_RUN, **self._engine)
         helping = _first_helping(rows)
         most = len(chosen) if helping is None else helping + 1
         self.tried += [Tried(chosen[number], rows[number]) for number in range(most)]
