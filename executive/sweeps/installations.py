@@ -21,26 +21,17 @@ from planlang.words import Option, Text
 LONGEST_START = 60.0
 """Wall-clock time that an interpreter may take to say what it has installed [s]."""
 _ASKED = """
-import hashlib, json
+import json
 from dataclasses import fields
 from importlib.metadata import version
-from pathlib import Path
 from executive.options.declaring import declared
 from executive.options.running import RunSettings
 from executive.processes.workers import LAYOUT, Reply, fork_workers
+from executive.sweeps.shipping import program
 from executive.sweeps.supervised import do, prepared
-from planlang.files import bundled
-import executive, planlang, sim
-folders = [Path(one.__file__).parent for one in (planlang, executive, sim)]
-folders += [bundled(name) for name in ("ontologies", "recipes")]
-content = hashlib.sha256()
-for folder in folders:
-    for path in sorted(one for one in folder.rglob("*") if one.is_file() and "__pycache__" not in one.parts):
-        content.update(repr((folder.name, str(path.relative_to(folder)))).encode())
-        content.update(hashlib.sha256(path.read_bytes()).digest())
 print(json.dumps({
     "version": version("planlang"),
-    "sha256": content.hexdigest(),
+    "sha256": program(),
     "options": list(declared(RunSettings)),
     "speaks": [LAYOUT.format, *(one.name for one in fields(Reply))],
 }))
