@@ -68,8 +68,8 @@ class Pen:
         self._draw.text(at, text, fill, font(size), anchor, stroke_width=border_width, stroke_fill=PAPER)
         across = {"l": "start", "m": "middle", "r": "end"}[anchor[0]]
         down = {"a": font(size).getmetrics()[0], "m": 0.3 * size * FINE, "s": 0.0}[anchor[1]]
-        style = f'font-size="{size * FINE}" text-anchor="{across}" fill="{_hex(fill)}"'
-        border = f' paint-order="stroke" stroke="{_hex(PAPER)}" stroke-width="{2 * border_width}"' if halo else ""
+        style = f'font-size="{size * FINE}" text-anchor="{across}" fill="{hex_of(fill)}"'
+        border = f' paint-order="stroke" stroke="{hex_of(PAPER)}" stroke-width="{2 * border_width}"' if halo else ""
         shown = escape(visible(text))
         self.elements.append(f'<text x="{at[0]:.1f}" y="{at[1] + down:.1f}" {style}{border}>{shown}</text>')
 
@@ -80,11 +80,12 @@ def _listed(points: Path) -> str:
 
 
 def _style(fill: Colour | None, outline: Colour | None, width: int) -> str:
-    inside = f'fill="{_hex(fill)}"' if fill else 'fill="none"'
-    return f'{inside} stroke="{_hex(outline)}" stroke-width="{width}"' if outline else inside
+    inside = f'fill="{hex_of(fill)}"' if fill else 'fill="none"'
+    return f'{inside} stroke="{hex_of(outline)}" stroke-width="{width}"' if outline else inside
 
 
-def _hex(colour: Colour) -> str:
+def hex_of(colour: Colour) -> str:
+    """A colour as SVG and CSS have it."""
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
@@ -112,7 +113,7 @@ class Sheet:
         width, height = self.image.size
         size = f'width="{width // FINE}" height="{height // FINE}" viewBox="0 0 {width} {height}"'
         head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} font-family="sans-serif">'
-        paper = f'<rect width="{width}" height="{height}" fill="{_hex(PAPER)}"/>'
+        paper = f'<rect width="{width}" height="{height}" fill="{hex_of(PAPER)}"/>'
         return "\n".join([head, f"<!-- {MARK} -->", paper, *self.pen.elements, "</svg>", ""])
 
     def _repr_svg_(self) -> str:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from executive.cli.arguments import SweepMergeArguments
 from executive.cli.console import Answer
-from executive.cli.sweep_table import answered, write_csv
+from executive.cli.sweep_table import answered
 from executive.options.declaring import check_written
 from executive.runs.files import refuse
 from executive.sweeps.files import merged, read_sweep, write_sweep
+from executive.sweeps.results import write_csv
 
 
 def command(arguments: SweepMergeArguments) -> Answer:

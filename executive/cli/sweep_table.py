@@ -16,9 +16,8 @@ from executive.sweeps.comparison import Comparison, comparison_of, notes_on
 from executive.sweeps.files import Sweep, read_sweep
 from executive.sweeps.records import is_reached
 from executive.sweeps.results import check_results, pages_of, write_results
-from executive.sweeps.table import causes, csv_text, shares, table
+from executive.sweeps.table import causes, shares, table
 from planlang.diagnostics import Diagnostic, warning
-from planlang.outputs import write_text
 
 MOST_NAMED = 10
 """Maximum number of missing worlds that are listed."""
@@ -106,8 +105,3 @@ def exit_code(rows: Sequence[Row], total: int) -> ExitCode:
         return ExitCode.DONE
     refused = rows and all(row.get("outcome") == Outcome.LACKS_CAPABILITY.value for row in rows)
     return ExitCode.MISSING_CAPABILITY if refused else ExitCode.FAILED
-
-
-def write_csv(path: Path, rows: Sequence[Row]) -> None:
-    """Write rows as CSV, atomically. Raises BadInput."""
-    write_text(path, csv_text(rows))

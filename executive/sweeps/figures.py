@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from executive.sweeps.records import Row, is_reached
 from executive.sweeps.table import rows_by_cause
 from planlang.proportions import wilson
-from planlang.sheets import FAINT, FINE, INK, PAPER, Colour, Sheet, font, wrapped
+from planlang.sheets import FAINT, FINE, INK, PAPER, Colour, Sheet, font, hex_of, wrapped
 from planlang.visible import visible
 
 Rows = Mapping[str, Sequence[Row]]
@@ -74,11 +74,6 @@ def style_of(figures_name: str) -> str:
         for where, colour, value in rules
         for name in ("fill", "stroke")
     )
-
-
-def hex_of(colour: Colour) -> str:
-    """A colour as CSS has it."""
-    return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
 def colour_of(number: int) -> Colour:

@@ -6,18 +6,20 @@ import re
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from executive.options.declaring import check_written
 from executive.options.results import ResultFiles
 from executive.sweeps.comparison import Comparison
-from executive.sweeps.comparison_page import Pages
 from executive.sweeps.exports import junit_text, save_parquet
 from executive.sweeps.records import Row, is_reached
 from executive.sweeps.table import csv_text
 from planlang.diagnostics import Diagnostic
 from planlang.extras import no_parquet
 from planlang.outputs import Named, replace, write_text
+
+if TYPE_CHECKING:
+    from executive.sweeps.comparison_page import Pages  # of figures, which most sweeps do not draw
 
 
 def check_results(options: Any, kind: type, inputs: Mapping[Named, Path | None]) -> list[Diagnostic]:
@@ -33,7 +35,7 @@ def write_results(
     ``title`` names what was run; ``pages`` are those of worlds, which the page links.
     """
     if files.csv is not None:
-        write_text(files.csv, csv_text(rows))
+        write_csv(files.csv, rows)
     if files.parquet is not None:
         replace(files.parquet, partial(save_parquet, rows=rows))
     if files.plot is not None:
@@ -42,6 +44,11 @@ def write_results(
         comparison.report(files.report, title=title, pages=pages, force=True)
     if files.junit is not None:
         write_text(files.junit, junit_text(title, comparison.by_variant))
+
+
+def write_csv(path: Path, rows: Sequence[Row]) -> None:
+    """Write rows as CSV, atomically. Raises BadInput."""
+    write_text(path, csv_text(rows))
 
 
 def page_file(reports: Path, seed: Any, variant: str | None = None, number: int = 0) -> Path:
