@@ -11,12 +11,10 @@ import math
 import numpy as np
 
 from executive.belief.planning_scene import PlanningScene
+from executive.maps.supports import ROUNDING
 from planlang.geometry import Pose
 from planlang.geometry.areas import Block
 from planlang.relations.demands import HEIGHTS, Reach, ReachKind
-
-HAIR = 1e-6
-"""Rounding tolerance of lengths [m]."""
 
 
 def insides(name: str, scene: PlanningScene) -> list[Block]:
@@ -34,7 +32,7 @@ def insides(name: str, scene: PlanningScene) -> list[Block]:
 def open_above(name: str, scene: PlanningScene) -> list[Block]:
     """List the spaces inside a body that are open at its top."""
     top = scene.bodies.block(name).high
-    return [room for room in insides(name, scene) if room.high >= top - HAIR]
+    return [room for room in insides(name, scene) if room.high >= top - ROUNDING]
 
 
 def drop_heights(reach: Reach, thing: str, scene: PlanningScene) -> tuple[float, ...]:

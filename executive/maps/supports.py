@@ -59,12 +59,13 @@ class Standing:
         tops = self._high[:, 2]
         near = (self._floors - PENETRATION - ROUNDING <= low) & (low <= tops + GAP + ROUNDING)
         near &= ((self._low[:, :2] - ROUNDING <= place) & (place <= self._high[:, :2] + ROUNDING)).all(axis=1)
-        for other in (self._names[index] for index in np.flatnonzero(near).tolist()):
-            at, size = self._poses[other], self._scene.body(other).size
-            top = float(corners(at, size)[:, 2].max())
-            floor = top if not self._scene.body(other).wall else float(self._floors[self._names.index(other)])
+        for index in np.flatnonzero(near).tolist():
+            other = self._names[index]
+            at, body = self._poses[other], self._scene.body(other)
+            top = float(corners(at, body.size)[:, 2].max())
+            floor = float(self._floors[index]) if body.wall else top
             fits = other != name and floor - PENETRATION <= low <= top + GAP
-            if fits and inside(footprint(at, size), pose.position):
+            if fits and inside(footprint(at, body.size), pose.position):
                 best = max(best, (top, other)) if best else (top, other)
         return best[1] if best else None
 
@@ -97,10 +98,8 @@ def on_floors(bodies: Sequence[Body], report: Callable[[Body, Sequence[Body]], N
         vessel = movable[k]
         if not vessel.wall or vessel.pose.rotation[2, 2] < UPRIGHT or any(one in over(other) for other in over(k)):
             return False
-        rim, ground = (
-            footprint(m.pose, m.size, cylinder=m.shape is BodyShape.CYLINDER) for m in (vessel, movable[one])
-        )
-        return all(inside(rim, point, vessel.wall) for point in ground)
+        rim = _outline(vessel)
+        return all(inside(rim, point, vessel.wall) for point in _outline(movable[one]))
 
     lowered = dict[int, float]()
     for k in np.argsort(low, kind="stable").tolist():  # what a body stands on is lower, and comes before it
