@@ -61,7 +61,7 @@ def shipment(worlds: Sequence[World], reads: str | None, limits: Limits, path: S
     of its own.
     """
     groups = {named: world for world in reversed(worlds) if (named := frozenset(_named(world)))}
-    found = dict.fromkeys(os.path.abspath(one) for named in groups for one in named if os.path.isfile(one))
+    found = dict.fromkeys(os.path.abspath(one) for named in groups for one in sorted(named) if os.path.isfile(one))
     if reads is not None and groups:
         found.update(dict.fromkeys(_opened(list(groups.values()), reads, limits, path)))
     links: dict[str, str] = {}
