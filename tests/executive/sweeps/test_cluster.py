@@ -15,6 +15,8 @@ import dask
 import pytest
 from distributed import KilledWorker, LocalCluster, Security
 
+import planlang
+from executive.options.engines import in_seconds, seconds
 from executive.processes.workers import Limits
 from executive.sweeps import cluster_worker, run
 from executive.sweeps.files import read_sweep
@@ -119,6 +121,11 @@ def test_an_engine_that_there_is_not_is_refused_before_the_file_is_begun(
     assert not (tmp_path / "rows").exists()
 
 
+@pytest.mark.parametrize("time", [0.5, 300.0, 1_080_000.0])
+def test_advice_states_a_time_as_an_option_reads_it(time: float) -> None:
+    assert seconds(in_seconds(time)) == time
+
+
 def test_files_travel_by_content_and_rows_have_the_paths_of_the_client(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -165,8 +172,12 @@ def test_pages_that_worlds_write_on_a_worker_are_written_on_the_client(tmp_path:
 @pytest.mark.parametrize(
     ("what", "value", "said"),
     [
-        ("executive.sweeps.dispatch.version", lambda name: "9.9", "each has planlang 0.1.0, not planlang 9.9"),
-        ("executive.sweeps.cluster.program", lambda: "1234567890", "not planlang 0.1.0 (12345678)"),
+        (
+            "executive.sweeps.dispatch.version",
+            lambda name: "9.9",
+            f"each has planlang {planlang.__version__}, not planlang 9.9",
+        ),
+        ("executive.sweeps.cluster.program", lambda: "1234567890", f"not planlang {planlang.__version__} (12345678)"),
     ],
 )
 def test_workers_with_another_planlang_are_refused(
