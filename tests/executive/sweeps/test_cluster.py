@@ -155,9 +155,10 @@ def test_a_worker_that_joins_later_gets_the_files_too(tmp_path: Path) -> None:
             workers.add(done.worker)
             if len(workers) == len(made.scheduler.workers) == 1:
                 made.scale(2)
+                made.wait_for_workers(2)  # meanwhile the first one has no more than the few worlds that were sent
 
-        rows = run(numbered(200, file=str(tmp_path / "home")), READING, made.scheduler_address, told=told)
-    assert [row["content"] for row in rows] == ["home"] * 200
+        rows = run(numbered(400, file=str(tmp_path / "home")), READING, made.scheduler_address, told=told)
+    assert [row["content"] for row in rows] == ["home"] * 400
     assert len(workers) == 2
 
 
