@@ -21,7 +21,7 @@ from executive.runs.prepared import prepared
 from executive.sweeps import Row, World, run
 from executive.sweeps.comparison import Comparison
 from executive.sweeps.installations import check_options, installation
-from executive.sweeps.records import LIMITS, READS_RUN, Done
+from executive.sweeps.records import LIMITS, READS_RUN, Done, of_variant
 from executive.sweeps.results import check_results, page_file, pages_of, write_results
 from executive.sweeps.variants import Variant, variants_of
 from planlang.diagnostics import BadInput, Diagnostic, warning
@@ -109,8 +109,7 @@ class _Part:
         except BadInput as problem:
             if variant is None:
                 raise
-            found = [replace(one, message=Text(f"{variant.name}: ", one.message)) for one in problem.diagnostics]
-            raise BadInput(found) from None
+            raise of_variant(variant.name, problem) from None
 
     @cached_property
     def _given(self) -> dict[str, Any]:

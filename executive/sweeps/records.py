@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from typing import Any
 
 from executive.processes.workers import Limits
+from planlang.diagnostics import BadInput
 from planlang.records import dataclass
 from planlang.words import Text
 
@@ -78,6 +80,11 @@ Backend = Callable[[Sequence[World], Task], AbstractContextManager[Iterator[Done
 def columns_of(world: World) -> Row:
     """What is known of a row before its world runs."""
     return {key: world[key] for key in ("world", "repeat") if key in world} | dict(world.get("columns", {}))
+
+
+def of_variant(name: str, problem: BadInput) -> BadInput:
+    """The problem with the name of the variant that has it."""
+    return BadInput([replace(one, message=Text(f"{name}: ", one.message)) for one in problem.diagnostics])
 
 
 COPIED = ("world", "repeat", "columns")

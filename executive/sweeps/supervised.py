@@ -16,7 +16,7 @@ from pkgutil import resolve_name
 from typing import Any
 
 from executive.processes.workers import Ending, Limits, Performs, Reply, Source, Worker
-from executive.sweeps.records import CRASHED, Done, World, columns_of
+from executive.sweeps.records import CRASHED, Done, World, columns_of, of_variant
 from planlang.diagnostics import BadInput
 
 
@@ -99,7 +99,8 @@ def _done(world: World, reply: Reply, limits: Limits) -> Done:
         case Ending.DONE:
             return Done({**columns_of(world), **json.loads(reply.answer)}, reply.seconds)
         case Ending.REFUSED:
-            raise BadInput(reply.answer)
+            problem, variant = BadInput(reply.answer), world.get("columns", {}).get("variant")
+            raise problem if variant is None else of_variant(variant, problem)
         case Ending.FAILED:
             kind, message = str(reply.answer).partition(": ")[0], str(reply.answer)
         case Ending.MEMORY:

@@ -13,7 +13,7 @@ from executive.options.declaring import Stated, declared
 from executive.options.running import RunSettings, SituationSettings, SweepOptions
 from planlang.diagnostics import BadInput, WrongOption
 from planlang.records import dataclass
-from planlang.spelling import guess
+from planlang.spelling import guess, similar
 from planlang.words import Option, Text, word_of
 
 MOST_VARIANTS = 50
@@ -25,6 +25,8 @@ OF_ROWS = (
 """Columns of rows that no parameter of a plan may take."""
 PARAMETER = "set."
 """Stands before the name of a parameter that is called like an option or a column of rows."""
+CERTAIN = 0.9
+"""Similarity to an option from which a name is taken for a misspelling of it: parameters are known too late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +147,9 @@ def _setting(name: str, given: Any) -> tuple[str, Any]:
         raise WrongOption("seeds are those of the worlds: ", Option("first"), " and ", Option("worlds"), " state them")
     if key in known or key in declared(SweepOptions) or key in declared(RunSettings):
         raise WrongOption(f"{name} is no option of which a sweep runs variants")
+    if not name.startswith(PARAMETER) and (alike := similar(key, known, least=CERTAIN)):
+        advice = f"did you mean {alike[0]}? A parameter that is called so is {PARAMETER}{name}"
+        raise WrongOption(Option("vary", {name: given}), f": there is no such option; {advice}")
     return "set", {name.removeprefix(PARAMETER): str(given)}
 
 
@@ -176,7 +181,8 @@ def _of_words(label: str, words: Sequence[str]) -> Mapping[str, Any]:
         if not word.startswith("--"):
             word, name, text = "", "recipe", word + equals + text
         elif word not in names:
-            raise WrongOption(f"variant {label}: there is no option {word}", _guessed(word.lstrip("-")))
+            alike = guess(word, names).strip()
+            raise WrongOption(f"variant {label}: there is no option {word}", f"; {alike}" if alike else "")
         else:
             name = names[word]
             if known[name].worded == (bool, False):

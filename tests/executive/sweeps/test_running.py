@@ -150,6 +150,11 @@ def test_a_file_of_another_sweep_is_refused_and_what_differs_is_said(tmp_path: P
     assert out.read_bytes() == kept
 
 
+def test_what_is_refused_in_a_world_is_said_with_its_variant() -> None:
+    with refusal("C001", naming="with cup2: "):
+        run(numbered(1, how="refuse", columns={"variant": "with cup2"}), ENDS, processes=1)
+
+
 @pytest.mark.parametrize(
     "content", ["my notes\n", "[1, 2]\n", "\n", "{}", '{"sweep": "written by planlang"}\n', "[" * 99999]
 )

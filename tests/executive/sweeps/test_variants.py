@@ -86,6 +86,7 @@ def test_files_at_home_are_found_although_the_shell_does_not_expand_their_names(
 
 
 def test_a_parameter_called_like_an_option_or_a_column_is_told_apart() -> None:
+    assert variants(vary=["set.robots=r2"])["set.robots=r2"].settings == {"set": {"robots": "r2"}}
     found = variants(vary={"set.robot": ["r2", "d2"], "duration": ["1", "2"]})
     one = found["set.robot=r2 duration=1"]
     assert one.settings == {"set": {"robot": "r2", "duration": "1"}}
@@ -113,7 +114,9 @@ def test_flags_and_numbers_vary_by_their_values() -> None:
         ({"variant": ["mine"]}, "is not LABEL: OPTIONS"),
         ({"variant": ["a: --robot x", "a: --robot y"]}, "two variants are called a"),
         ({"variant": [": --robot x"]}, "cannot be the name of a variant"),
-        ({"variant": ["a: --robt x"]}, "there is no option --robt; did you mean robot?"),
+        ({"variant": ["a: --robt x"]}, "there is no option --robt; did you mean --robot?"),
+        ({"variant": ["a: --no-recoverys"]}, "there is no option --no-recoverys; did you mean --no-recoveries?"),
+        ({"vary": ["robots=amigo,pr2"]}, "did you mean robot? A parameter that is called so is set.robots"),
         ({"variant": ["a: --robot"]}, "--robot needs a value"),
         ({"variant": ["a: --robot x --robot y"]}, "stated twice"),
         ({"variant": ["a: one two"]}, "stated twice"),
