@@ -60,7 +60,7 @@ def answered(sweep: Sweep) -> Answer:
     if len(variants) < 2:
         return table
     comparison = Comparison.of(sweep.rows, variants)
-    text = f"{table.text}\n\n{comparison}"
+    text = f"{table.text}\n\n{comparison.text_of_pairs}"  # as the table has the causes
     return replace(table, text=text, data={**table.data, **comparison.as_json()})
 
 

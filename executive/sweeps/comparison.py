@@ -26,7 +26,7 @@ from executive.sweeps.paired import (
     worlds_needed,
 )
 from executive.sweeps.records import Row, is_reached
-from executive.sweeps.table import outcome_of
+from executive.sweeps.table import Cause, causes, outcome_of
 from planlang import notebooks
 from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.outputs import PNG_OR_SVG, check_outputs, replace, write_text
@@ -38,6 +38,10 @@ if TYPE_CHECKING:
 
 HEAD = ("variant", "worlds", "reached", "", "95 %", "plan time", "")
 """Heads of the columns of variants; plan time is the median where the goal was reached."""
+MOST_CAUSES = 3
+"""Maximum number of variants of which the text says the most frequent cause of failure."""
+FEWEST = 6
+"""Fewest worlds that can show a difference: in fewer, p is above 0.05 even if all of them differ."""
 MOST_LISTED = 5
 """Maximum number of worlds in which two variants differ that the text lists for each of both."""
 
@@ -59,6 +63,8 @@ class VariantShare:
     """Median plan time where it reached the goal [s]; None if nowhere."""
     outcomes: Mapping[str, int]
     """Outcomes other than reached and failed -> number of worlds."""
+    cause: Cause | None = None
+    """The most frequent cause for which it did not reach the goal; None if it always did."""
 
     @property
     def share(self) -> float:
@@ -114,7 +120,8 @@ class Pair:
     """None if there is no world that both reached."""
     differing: tuple[Differing, ...]
     least: float | None
-    """Least difference that these worlds would find with 80 %, as many of them differing; None if they find none."""
+    """Least difference that these worlds would find with 80 %, as many of them differing; None if they find none, or if
+    none of them differs."""
     needed: int | None
     """Worlds that would find the observed difference with 80 %; None without a difference."""
     only_first: tuple[Any, ...]
@@ -169,6 +176,11 @@ class Comparison:
         }
 
     def __str__(self) -> str:
+        return "\n".join((self.text_of_pairs, *_cause_lines(self.variants)))
+
+    @property
+    def text_of_pairs(self) -> str:
+        """The text without causes of failure."""
         return "\n".join(_lines(self))
 
     def _repr_html_(self) -> str:
@@ -289,7 +301,8 @@ def _share(name: str, settings: Mapping[str, str], rows: Sequence[Row]) -> Varia
     del others["failed"]
     median = statistics.median(times) if times else None
     interval = wilson(len(reached), len(rows))
-    return VariantShare(name, dict(settings), len(rows), len(reached), *interval, median, dict(others))
+    cause = next(iter(causes(rows)), None)
+    return VariantShare(name, dict(settings), len(rows), len(reached), *interval, median, dict(others), cause)
 
 
 def _pair(
@@ -316,7 +329,7 @@ def _pair(
         *p,
         time=_time(both),
         differing=tuple(differing),
-        least=least_difference(counts.worlds, counts.differing, tests),
+        least=least_difference(counts.worlds, counts.differing, tests) if differing else None,
         needed=worlds_needed(counts.differing, counts.difference, tests),
         only_first=tuple(seed for seed in rows1 if seed not in rows2),
         only_second=tuple(seed for seed in rows2 if seed not in rows1),
@@ -341,6 +354,19 @@ def _lines(comparison: Comparison) -> Iterator[str]:
     for one in comparison.pairs:
         yield ""
         yield from _pair_lines(one, len(comparison.pairs))
+
+
+def _cause_lines(variants: Sequence[VariantShare]) -> Iterator[str]:
+    """Yield the most frequent cause of failure of each variant, the most frequent first, with a world to repeat."""
+    failing = sorted(((one, one.cause) for one in variants if one.cause), key=lambda pair: -pair[1].count)
+    if failing:
+        yield "\nmost frequent cause of failure"
+    for one, cause in failing[:MOST_CAUSES]:
+        name = f"{cause.name}: {cause.sentence}" if cause.sentence else cause.name
+        yield f"  {one.name}, {cause.count} of {_worlds(one.worlds)}: {name}"
+        yield f"    {cause.repeat or f'world {cause.world}'}"
+    if len(failing) > MOST_CAUSES:
+        yield f"  of {len(failing) - MOST_CAUSES} more, and all causes: planlang sweep-table FILE"
 
 
 def _cells(one: VariantShare) -> tuple[str, ...]:
@@ -411,8 +437,10 @@ def _time_line(time: TimeDifference) -> str:
 def _power_line(pair: Pair) -> str:
     """What these worlds would show, and how many the observed difference needs."""
     of = f"{_worlds(pair.worlds)}, of which {len(pair.differing)} differ,"
+    if not pair.differing and pair.worlds >= FEWEST:
+        return f"none of {_worlds(pair.worlds)} differs, which does not tell how large a difference they would show"
     if pair.least is None:
-        return f"{_worlds(pair.worlds)} are too few to show any difference"
+        return f"{_worlds(pair.worlds)} {'is' if pair.worlds == 1 else 'are'} too few to show any difference"
     shown = f"{of} show a difference of {100 * pair.least:.0f} points or more in 80 of 100 cases"
     if pair.is_different or pair.needed is None:
         return shown

@@ -68,6 +68,34 @@ def test_a_difference_in_most_worlds_is_called_different_and_one_in_few_is_not()
     assert "needs about" in unclear
 
 
+def test_worlds_that_all_end_alike_do_not_tell_which_difference_they_would_show() -> None:
+    alike = Comparison.of(rows_of("ffffff", "ffffff"), NAMES)
+    assert alike.pairs[0].least is None
+    assert "  none of 6 worlds differs, which does not tell how large a difference they would show" in str(alike)
+    assert "  1 world is too few to show any difference" in str(Comparison.of(rows_of("f", "f"), NAMES))
+
+
+def test_the_most_frequent_cause_is_said_of_the_three_variants_that_failed_most_of_it() -> None:
+    def failed(variant: str, *causes: str) -> list[dict[str, Any]]:
+        return [
+            {"world": f"{variant} {seed}", "variant": variant, "seed": seed, "repeat": f"run {variant} {seed}"}
+            | {"outcome": "failed", "failure": [cause], "message": f"{cause}: it is far. Go nearer."}
+            for seed, cause in enumerate(causes, 1)
+        ]
+
+    rows = [*failed("a", "Lost"), *failed("b", "Lost", "Far", "Far"), *failed("c", "Far"), *failed("d", "Far")]
+    found = Comparison.of(rows, {name: {} for name in "abcde"})
+    assert [one.cause and one.cause.count for one in found.variants] == [1, 2, 1, 1, None]
+    assert str(found).endswith(
+        "\n\nmost frequent cause of failure\n"
+        "  b, 2 of 3 worlds: Far: it is far\n    run b 2\n"
+        "  a, 1 of 1 world: Lost: it is far\n    run a 1\n"
+        "  c, 1 of 1 world: Far: it is far\n    run c 1\n"
+        "  of 1 more, and all causes: planlang sweep-table FILE"
+    )
+    assert "most frequent cause" not in found.text_of_pairs
+
+
 def test_worlds_of_one_variant_only_are_named_and_not_compared() -> None:
     comparison = Comparison.of(rows_of("rr-rr", "r-frr"), NAMES)
     (pair,) = comparison.pairs
