@@ -14,7 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
-from executive.locations.holding import Holding, holdings, trial_things
+from executive.locations.holding import WIDTHS, Holding, holdings, trial_things
 from executive.locations.reachability import CELL, GraspClass, ReachabilityMap
 from executive.motion.outlines import outlines
 from executive.motion.passages import narrowest_doorway
@@ -337,12 +337,13 @@ def _opening(arm: Arm, holding: Holding, merged: str | None) -> Iterator[Advice]
     assert arm.gripper is not None
     table, opening = f"[arms.{arm.name}.gripper]", arm.gripper.max_opening
     planned, closed, hand = holding.widest, holding.closed, f"the hand of the {arm.name} arm"
+    narrower = planned < WIDTHS[-1] and opening > planned + NARROWER  # wider things than the widest were not tried
     if holding.touching is not None:
         one, other = holding.touching
         pair = f'["{one}", "{other}"]'
         what = f"{one} and {other} touch when {hand} is open, so it grasps nothing"
         yield Advice(what, f"allowed_contacts = [{pair}]")
-    elif merged is not None and opening > planned + NARROWER:
+    elif merged is not None and narrower:
         taken = f"takes things of up to {planned:g} m" if planned else "takes nothing"
         what = (
             f"{hand} is said to open {opening:g} m, and it {taken}, as the convex hull of {merged}, which is palm and"
@@ -363,7 +364,7 @@ def _opening(arm: Arm, holding: Holding, merged: str | None) -> Iterator[Advice]
     elif not planned:
         what = f"the fingers of {hand} close on things of up to {closed:g} m, of which no plan grasps any"
         yield Advice(what, f"tip, approach and closing in [arms.{arm.name}], max_opening in {table}")
-    elif opening > planned + NARROWER:
+    elif narrower:
         what = f"{hand} is said to open {opening:g} m, and it takes things of up to {planned:g} m"
         yield Advice(what, f"max_opening in {table}, or a tip nearer to the fingertips in [arms.{arm.name}]")
 

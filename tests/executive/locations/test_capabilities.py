@@ -92,6 +92,13 @@ def test_an_opening_that_is_too_small_is_said_with_the_one_to_write(tmp_path: Pa
     ]
 
 
+def test_a_hand_that_opens_wider_than_the_widest_test_thing_needs_no_warning(tmp_path: Path) -> None:
+    wide = Hand({"left": (0.0, 0.005, 0.08), "right": (0.0, -0.005, -0.08)}, 0.152)
+    found = can(robot_with(tmp_path, arm=wide))
+    assert held(found, Kind.BOX) == "2-12 cm between two fingers"
+    assert not warned(found)
+
+
 def test_an_opening_that_no_hand_has_is_said(tmp_path: Path) -> None:
     found = can(robot_with(tmp_path, arm=replace(TWO, opening=0.4)))
     assert held(found, Kind.BOX) == "2-8 cm between two fingers"
