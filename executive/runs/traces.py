@@ -11,7 +11,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from executive.options.running import in_header, settings_from_header
+from executive.options.declaring import stated
+from executive.options.running import SituationSettings, in_header, settings_from_header
 from executive.runs.parameters import Bound
 from planlang.advice import Change
 from planlang.designators import Location, Object, local_name
@@ -27,7 +28,7 @@ from planlang.runs.recorded_run import SPANS, OlderTrace
 from planlang.runs.repeating import OUTSIDE
 from planlang.runs.run_tree import DECISIONS, belief_text
 from planlang.runs.trace import Listener
-from planlang.words import Blank, Option, Text, calling
+from planlang.words import Blank, Call, Option, Text, calling
 
 
 def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Listener:
@@ -105,6 +106,18 @@ AGREE = {
     "map_sha256": "the map (the sha256 of its files)",
 }
 """Keys that must agree in a trace and the run that resumes it, beside settings -> their names in messages."""
+
+
+CONTENT = "_sha256"
+"""Ending of the keys for the content of files."""
+FILES = {
+    "map": ("the map", "environment"),
+    "map_sha256": ("the map", "environment"),
+    "robot": ("the robot", "robot"),
+    "robot_sha256": ("the robot", "robot"),
+    "urdf_sha256": ("the robot's geometry", "urdf"),
+}
+"""Keys for files -> what is in them, and the option that names them."""
 
 
 KNOWLEDGE = "http://planlang.org/kb"
@@ -292,14 +305,45 @@ def check_same_run(recorded: RecordedRun, header: Mapping[str, Any]) -> list[Dia
     settings = {one.key: Option(name) for name, one in in_header().items()}
     now = {key: header[key] for key in AGREE if key in header} | {key: header.get(key) for key in settings}
     span, problems = Span(recorded.name), []
-    for key, (before, after) in differences(recorded.header, now).items():
+    differ = differences(recorded.header, now)
+    for key, (before, after) in differ.items():
         name = AGREE.get(key) or settings[key]
         message = Text(name, f" differs: {_short(before)} in the trace, {_short(after)} now")
-        problems.append(error("X022", message, span))
+        problems.append(error("X022", message, span, _named_again(key, differ, recorded)))
     if problems:
         raise BadInput(problems)
     other = _other_versions(recorded, header)
     return [warning("X025", f"the run may differ with other versions: {other}", span)] if other else []
+
+
+def _named_again(key: str, differ: Collection[str], recorded: RecordedRun) -> Text | None:
+    """Advice to name what the run had instead of what differs now; None for what has no file of its own."""
+    if key not in FILES or (key.endswith(CONTENT) and key.removesuffix(CONTENT) in differ):  # said of the name already
+        return None
+    what, option = FILES[key]
+    if key.endswith(CONTENT):
+        return Text(f"name {what} with the content that it had in the run: ", Option(option, Blank("FILE")))
+    return Text(f"name {what} of the run: ", Option(option, getattr(TraceHeader.of(recorded), option) or Blank("FILE")))
+
+
+def call_to_resume(recorded: RecordedRun, options: object) -> Call:
+    """The call that resumes the run of a trace, with the files that ``options`` name; others of its own stay blank."""
+    header, own = TraceHeader.of(recorded), dict(stated(options, SituationSettings))
+    digests = recorded.header.get("map_sha256")
+    found = {
+        "robot": (Bundled.ROBOT, header.robot, [recorded.header.get("robot_sha256")]),
+        "environment": (Bundled.ENVIRONMENT, header.environment, digests if isinstance(digests, list) else []),
+    }
+    for option, (kind, name, there) in found.items():
+        file = None if name is None else kind.find(name)
+        if file is None or sha256(file) not in there:
+            own.setdefault(option, Blank("FILE"))
+    if recorded.header.get("modules"):
+        own.setdefault("modules", Blank("FILE"))
+    recipe = getattr(options, "recipe", None)
+    if recipe is None and header.recipe is None:
+        recipe = Blank("FILE")
+    return calling("run", *([] if recipe is None else [recipe]), resume=Path(recorded.name), **own)
 
 
 def _other_versions(recorded: RecordedRun, header: Mapping[str, Any]) -> str:

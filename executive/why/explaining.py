@@ -22,7 +22,7 @@ from executive.runs.plan_body import Subject
 from executive.runs.plan_run import Run
 from executive.runs.prepared import RunFiles, prepared
 from executive.runs.remedies import call_of
-from executive.runs.traces import header_to_repeat, recorded_run
+from executive.runs.traces import call_to_resume, header_to_repeat, recorded_run
 from executive.sweeps import Row
 from executive.why.both_runs import write_both
 from executive.why.candidates import Candidate, Situation, kinds_of
@@ -90,7 +90,7 @@ def explained(
     if recorded.outcome == "succeeded":
         return Explanation("", "this run reached its goal: nothing has to change")
     if recorded.outcome != "failed":
-        advice = Text(calling("run", resume=Path(recorded.name)), " ends it")
+        advice = Text(call_to_resume(recorded, options), " ends it")
         raise BadInput([error("X021", "this run has not ended", Span(recorded.name), advice)])
     evidence = Evidence.of([line.record for line in recorded.lines])
     files = prepared(replace(options.unseen(), repeated=recorded))

@@ -152,8 +152,8 @@ def read_records(path: str | os.PathLike[str]) -> tuple[list[Any], bool]:
 
 
 def _reason(problem: Exception) -> str:
-    if message := getattr(problem, "msg", None):
-        return str(message)
+    if isinstance(problem, json.JSONDecodeError):
+        return f"{problem.msg.removesuffix(' at')} at character {problem.pos + 1}"
     return "too deeply nested" if isinstance(problem, RecursionError) else "not UTF-8"
 
 

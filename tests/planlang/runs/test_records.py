@@ -280,7 +280,8 @@ def test_a_torn_last_line_is_left_out_and_a_whole_one_without_its_end_is_not(wri
 @pytest.mark.parametrize(
     ("line", "text", "told"),
     [
-        (3, "{", "not JSON"),
+        (3, "{", "not JSON: Expecting property name enclosed in double quotes at character"),
+        (3, '{"a": "\t', "not JSON: Invalid control character at character 8"),
         (3, "\x00", "not JSON"),
         (3, "[" * 100_000, "not JSON: too deeply nested"),
         (3, "[]", "not a record"),
