@@ -461,7 +461,10 @@ def settings_from_header(header: Mapping[str, Any]) -> dict[str, Any]:
     """Options that a resumed run takes from the header of its trace, without those that it cannot have."""
     known, found = declared(RunSettings), dict[str, Any]()
     for option_name, one in in_header().items():
-        if one.taken and header.get(one.key) is not None:
-            with suppress(ValueError, BadInput):
-                found[option_name] = known[option_name].value(header[one.key])
+        option, value = known[option_name], header.get(one.key)
+        _, is_list = option.kind
+        if not one.taken or value is None or (is_list and not isinstance(value, list)):
+            continue
+        with suppress(ValueError, BadInput):
+            found[option_name] = option.value(value)
     return found

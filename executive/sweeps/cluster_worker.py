@@ -11,12 +11,11 @@ import json
 import os
 import pickle
 import sys
-import tempfile
 import threading
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from uuid import uuid4
@@ -29,6 +28,7 @@ from executive.sweeps.shipping import Layout, Shipment, keep, missing, program
 from executive.sweeps.supervised import Slot, Supervisor
 from planlang.diagnostics import BadInput, Diagnostic
 from planlang.records import dataclass
+from planlang.temporary import temporary_folder
 
 UNUSED = 60.0
 """Time after which the processes of another sweep, whose client may have died, end when a new one begins [s]."""
@@ -64,8 +64,8 @@ class _Sweep:
     """A sweep on this worker: its supervisor, and slots that wait for their next world."""
 
     def __init__(self, setup: Setup, store: Path) -> None:
-        self._temporary = tempfile.TemporaryDirectory(prefix="sweep-", dir=store.parent, ignore_cleanup_errors=True)
-        self._folder = Path(self._temporary.name)
+        self._temporary = ExitStack()
+        self._folder = self._temporary.enter_context(temporary_folder(store.parent))
         self._layout = None if setup.shipment is None else Layout(setup.shipment, store, self._folder / "files")
         (jobs := self._folder / "temporary").mkdir()
         path = [*map(os.path.abspath, sys.path), *filter(os.path.isdir, setup.path)]
@@ -126,7 +126,7 @@ class _Sweep:
         while self._is_closed and self._waiting:
             self._waiting.pop().close()
         if self._is_closed and not self._running:
-            self._temporary.cleanup()
+            self._temporary.close()
 
 
 _sweeps: dict[str, _Sweep] = {}

@@ -84,6 +84,9 @@ export drink.jsonl --to neem --poses poses.jsonl -o out
 sweep-table {sweep} --csv out.csv
 sweep-merge {sweep} --out out.jsonl
 sweep drink.omn --worlds 2 --processes 1 --out {sweep} --robot amigo --environment room.omn
+sweep-table {sweep} sweep.jsonl --plot out.svg --report out.html --junit out.xml
+compare drink.omn --worlds 1 --processes 1 --vary robot=amigo,own.toml --environment room.omn
+why {trace} drink.omn --budget 1 --processes 1 --robot amigo --environment room.omn
 serve --store {store} --new-key bob
 serve --store {store} --drop-keys ada
 enable drink.omn --robot amigo --from {store} --dry

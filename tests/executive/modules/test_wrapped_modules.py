@@ -59,6 +59,7 @@ def on_demand(module: Unusual) -> WrappedModule:
 def of_robot(module: Unusual) -> WrappedModule:
     effects, platform = Mock(ActionEffects), MagicMock()
     effects.due.return_value = effects.lying.return_value = None
+    effects.begins.return_value.missed = []
     platform.belief.memory.unknown = ()
     return RobotModule(module, platform, effects, frozenset())
 
