@@ -6,7 +6,7 @@ docs/guides/why.md lists them. Where several are equally small, those of things 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 
@@ -14,8 +14,8 @@ from executive.maps.single_changes import leaf_moved, option_set, things_away, t
 from executive.maps.supports import FLOOR, Standing
 from executive.why.costs import cost_of
 from executive.why.evidence import PUTTING_DOWN, Evidence
-from executive.why.free_places import is_free
-from planlang.advice import ARM, ATTEMPTS, BEFORE, GRASP, ROBOT, SCHEDULE, Change
+from executive.why.free_places import is_at_rest, is_free, is_in
+from planlang.advice import ARM, ATTEMPTS, BEFORE, GRASP, ROBOT, SCHEDULE, TRANSLATION, Change
 from planlang.designators import GRASPS
 from planlang.geometry import Pose
 from planlang.records import dataclass
@@ -72,14 +72,29 @@ class Candidate:
 
 
 def advised(situation: Situation) -> list[Candidate]:
-    """List what failures and searches advised, that of the last failure first."""
-    names = {body.name for body in situation.scene.bodies}
+    """List what failures and searches advised, that of the last failure first; nothing after which a thing falls.
+
+    What is at rest where a robot believes things to be may hang in the air where the map has them.
+    """
+    scene, names = situation.scene, {body.name for body in situation.scene.bodies}
+    standing = Standing(scene)
     known = (
         changes
         for changes in situation.evidence.advised
-        if all(one.thing is None or one.thing in names for one in changes)
+        if all(one.thing is None or one.thing in names for one in changes) and _are_at_rest(changes, scene, standing)
     )
-    return [Candidate(changes, "advice", cost_of(changes, situation.scene)) for changes in known]
+    return [Candidate(changes, "advice", cost_of(changes, scene)) for changes in known]
+
+
+def _are_at_rest(changes: Sequence[Change], scene: Scene, standing: Standing) -> bool:
+    """Check whether all things that changes move are at rest there."""
+    poses = {}
+    for change in changes:
+        if change.what == TRANSLATION and isinstance(change.value, tuple):
+            x, y, z = map(float, change.value)
+            name = str(change.thing)
+            poses[name] = replace(scene.body(name).pose, position=(x, y, z))
+    return all(is_at_rest(scene, poses, name, standing) for name in poses)
 
 
 def singles(situation: Situation) -> list[Candidate]:
@@ -174,7 +189,7 @@ class _Generator:
         situation = self._situation
         if ARM not in situation.in_use and len(situation.arms) > 1:
             yield from ((0, ARM, option_set(ARM, name)) for name in situation.arms)
-        if GRASP not in situation.in_use:
+        if GRASP not in situation.in_use and situation.evidence.is_grasp_open:
             yield from ((1, GRASP, option_set(GRASP, name)) for name in GRASPS)
         if SCHEDULE not in situation.in_use and situation.evidence.is_concurrent:
             yield from ((2, "order", option_set(SCHEDULE, number)) for number in ORDERS)
@@ -219,7 +234,11 @@ class _Generator:
         ways = [(math.cos(yaw + k * math.pi / 2), math.sin(yaw + k * math.pi / 2), 0.0) for k in range(4)]
         for way, steps in (*((way, STEPS) for way in ways), ((0.0, 0.0, 1.0), RISES), ((0.0, 0.0, -1.0), RISES)):
             each = ({one: _displaced(self._bodies[one].pose, step, way) for one in (name, *along)} for step in steps)
-            yield [things_moved(poses) for poses in each if is_free(self._scene, poses, name, support)]
+            yield [things_moved(poses) for poses in each if self._fits(name, poses)]
+
+    def _fits(self, name: str, poses: Mapping[str, Pose]) -> bool:
+        """Check whether a body, with what moves along, has room at its new pose, and is at rest."""
+        return is_at_rest(self._scene, poses, name, self._standing) and is_free(self._scene, poses)
 
     def _along(self, name: str) -> list[str]:
         """What moves along with a body: its leaves and parts, and what stands on these or in it."""
@@ -238,11 +257,7 @@ class _Generator:
 
     def _is_in(self, name: str, other: str) -> bool:
         """Check whether the centre of a body is inside the box of another."""
-        box = self._bodies[other]
-        if other == name or box.shape is not BodyShape.BOX:
-            return False
-        x, y, z = (box.pose.inverse() @ self._bodies[name].pose).position
-        return all(abs(at) <= extent / 2 for at, extent in zip((x, y, z), box.size, strict=True))
+        return other != name and is_in(self._bodies[name].pose, self._bodies[other])
 
     def _doors(self) -> Iterator[tuple[int, str, tuple[Change, ...]]]:
         for rank, joint in self._related_joints():

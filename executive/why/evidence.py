@@ -23,6 +23,7 @@ from planlang.failures import (
 )
 from planlang.plan_failure import links_of
 from planlang.records import dataclass
+from planlang.relations.reaching import InReachOf
 from planlang.runs import RunTree, TaskNode
 from planlang.runs.codec import load_failure
 
@@ -70,6 +71,8 @@ class Evidence:
     """Number of steps of the plan that succeeded; -1 if it did not begin."""
     held: tuple[tuple[str, str], ...] = ()
     """Things that hands hold at the end, each with the path of the step that failed and could begin without it."""
+    is_grasp_open: bool = False
+    """True if the run looked for a place from which to grasp something, by any class of grasps."""
 
     @staticmethod
     def of(records: Sequence[Mapping[str, Any]]) -> Evidence:
@@ -100,6 +103,7 @@ class Evidence:
             and not any(record.get("event") == "belief" and record.get("change") == "grasped" for record in records),
             _succeeded(tree),
             tuple(_held(tree, texts[:1], are_hands_lacking=any(isinstance(one, OF_HANDS) for one in last))),
+            any(_leaves_grasp_open(node) for node in tree.numbered.values()),
         )
 
     @staticmethod
@@ -168,6 +172,12 @@ def _failed_step(tree: RunTree, place: int) -> TaskNode | None:
             return next(one for one in (*attempts, node) if one.first > place and one.name.partition("#")[0] == name)
         node = next((one for one in reversed(node.children) if one.status == "failed"), None)
     return None
+
+
+def _leaves_grasp_open(node: TaskNode) -> bool:
+    """Check whether a construct seeks a place in reach of something, and names no class of grasps."""
+    where = str(node.parameters.get("location", ""))
+    return node.kind == "at_location" and InReachOf.name in where and not where.endswith(" grasp")
 
 
 def _sentence(told: Sequence[tuple[str, str]], last: Iterable[BaseException]) -> str:

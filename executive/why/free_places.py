@@ -1,39 +1,111 @@
-"""Whether a thing that is moved in a map has room there."""
+"""Whether things that are moved in a map have room there, and are at rest."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from executive.maps.supports import FLOOR
+from executive.maps.supports import FLOOR, GAP, PENETRATION, Standing
 from planlang.geometry import Array, Pose
-from planlang.geometry.shapes import corners, footprint, inside
-from sim import Scene
+from planlang.geometry.areas import HAIR
+from planlang.geometry.matrices import rotated
+from planlang.geometry.shapes import corners, footprint
+from sim import Body, Scene
 from sim.scene import BodyShape
 
 GRAZING = 5e-3
 """Overlap that does not count [m]: what stands on something grazes it."""
 
 
-def is_free(scene: Scene, poses: Mapping[str, Pose], name: str, support: str | None) -> bool:
-    """Check whether a body has room at another pose, with what moves along, and stays over what it stands on.
+def is_free(scene: Scene, poses: Mapping[str, Pose]) -> bool:
+    """Check whether bodies, which move together, have room at their new ``poses`` in the map.
 
-    ``poses`` are the new ones. It may overlap what it overlaps already, such as the furniture that it is in.
+    They may overlap what they overlap already; but what is inside of something, such as a cabinet or a room, does not
+    get into its walls.
+    """
+    for name, at in poses.items():
+        body = scene.body(name)
+        if body.shape in (BodyShape.ROOM, BodyShape.MARKER):
+            continue
+        before, after = _Prism(body.pose, body.size), _Prism(at, body.size)
+        for other in scene.bodies:
+            if other.name in poses or other.shape is BodyShape.MARKER:
+                continue
+            if other.shape is BodyShape.ROOM:
+                if _is_over(other, body.pose.position) and not _stays_inside(body, at, other):
+                    return False
+                continue
+            if not after.meets(prism := _Prism(other.pose, other.size)):
+                continue
+            holds = other.wall > 0 or is_in(body.pose, other)
+            if not before.meets(prism) or (holds and not _stays_inside(body, at, other)):
+                return False
+    return True
+
+
+def is_at_rest(scene: Scene, poses: Mapping[str, Pose], name: str, standing: Standing) -> bool:
+    """Check whether a body is at rest at its new pose, where those of ``poses`` are moved.
+
+    A thing rests on a support, on the floor of a compartment, or as high as before in the furniture that it is in.
+    Furniture is as high as the map states it, unless it stands on other furniture. ``standing`` is that of the scene.
     """
     body, at = scene.body(name), poses[name]
-    before, after = _Prism(body.pose, body.size), _Prism(at, body.size)
-    if support is not None and support != FLOOR and support not in poses:
-        below = scene.body(support)
-        if not inside(footprint(below.pose, below.size), at.position):
-            return False
+    if not body.movable and standing.support(name) in (None, FLOOR):
+        return True
+    if Standing(scene, poses).support(name) is not None:
+        return True
+    low, rise = float(corners(at, body.size)[:, 2].min()), at.position[2] - body.pose.position[2]
     for other in scene.bodies:
-        if other.name in poses or other.shape in (BodyShape.ROOM, BodyShape.MARKER):
-            continue
-        prism = _Prism(other.pose, other.size)
-        if after.meets(prism) and not before.meets(prism):
-            return False
-    return True
+        if other.name not in poses and is_in(at, other):
+            floor = _inside_of(other, at.position)
+            ground = float(corners(floor.pose, floor.size)[:, 2].min())
+            lies = bool(other.cavities) and -PENETRATION <= low - ground <= GAP
+            if lies or (abs(rise) <= HAIR and is_in(body.pose, other)):
+                return True
+    return False
+
+
+def is_in(pose: Pose, other: Body) -> bool:
+    """Check whether a point is inside the box of a body."""
+    if other.shape is not BodyShape.BOX:
+        return False
+    local = (other.pose.inverse() @ pose).position
+    return all(abs(at) <= extent / 2 for at, extent in zip(local, other.size, strict=True))
+
+
+def _is_over(room: Body, position: Sequence[float]) -> bool:
+    x, y, _ = (room.pose.inverse() @ Pose((position[0], position[1], position[2]))).position
+    return abs(x) <= room.size[0] / 2 and abs(y) <= room.size[1] / 2
+
+
+def _stays_inside(body: Body, at: Pose, other: Body) -> bool:
+    """Check whether a body sticks out of the inside of another no further than before."""
+    return _outside(body, at, other) <= max(_outside(body, body.pose, other), GRAZING)
+
+
+def _outside(body: Body, at: Pose, other: Body) -> float:
+    """How far a body at a pose sticks out of the inside of another, to the sides [m]; 0 if it does not."""
+    inner = _inside_of(other, body.pose.position)
+    ground = footprint(at, body.size)
+    points = np.column_stack([ground, np.full(len(ground), inner.pose.position[2])])
+    local = rotated(inner.pose.rotation.T, points - np.asarray(inner.pose.position))
+    return max(float((np.abs(local[:, :2]) - np.asarray(inner.size[:2]) / 2).max()), 0.0)
+
+
+def _inside_of(other: Body, position: Sequence[float]) -> Body:
+    """The inside of a body around a point, as a box: its cavity there, as far as the body reaches, else all of it."""
+    local = (other.pose.inverse() @ Pose((position[0], position[1], position[2]))).position
+    half = np.asarray(other.size) / 2
+    for cavity in () if other.shape is BodyShape.ROOM else other.cavities:  # those of a room are openings
+        centre, reach = np.asarray(cavity.centre), np.asarray(cavity.size) / 2
+        if (np.abs(local - centre) <= reach).all():
+            low, high = np.maximum(centre - reach, -half), np.minimum(centre + reach, half)
+            x, y, z = ((low + high) / 2).tolist()
+            width, depth, height = (high - low).tolist()
+            return Body(other.name, other.pose @ Pose((x, y, z)), (width, depth, height))
+    x, y, z = other.size
+    return Body(other.name, other.pose, (x - 2 * other.wall, y - 2 * other.wall, z))
 
 
 class _Prism:

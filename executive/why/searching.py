@@ -66,7 +66,8 @@ class Reruns:
     ) -> None:
         """``options`` are those of the run, as JSON, ``base`` the changes that it was made with.
 
-        ``engine`` says where they run (options of :func:`executive.sweeps.run`); ``told`` gets each and its number.
+        ``engine`` says where they run (options of :func:`executive.sweeps.run`); ``told`` gets each
+        that counts, in their order, and its number.
         """
         self._options, self._base, self._budget, self._engine, self._told = options, base, budget, engine, told
         self.tried: list[Tried] = []
@@ -81,13 +82,18 @@ class Reruns:
 
         Which one does not depend on the number of processes: it is the first in the order of the list.
         """
-        chosen = candidates[: self.left]
+        chosen, before = candidates[: self.left], len(self.tried)
         rows: dict[int, Row] = {}
+        helping: int | None = None
 
         def known(done: Done) -> None:
+            nonlocal helping
             rows[done.row["world"]] = done.row
-            self._told(chosen[done.row["world"]], done.row, len(self.tried) + len(rows))
-            if _first_helping(rows) is not None:
+            while helping is None and (number := len(self.tried) - before) in rows:  # in order, whichever ends first
+                self.tried.append(Tried(chosen[number], rows[number]))
+                self._told(chosen[number], rows[number], len(self.tried))
+                helping = number if is_reached(rows[number]) else None
+            if helping is not None:
                 raise _Found
 
         if chosen:
@@ -97,9 +103,6 @@ class Reruns:
             ]
             with suppress(_Found):
                 run(worlds, JOB, limits=LIMITS, told=known, reads=READS_RUN, **self._engine)
-        helping = _first_helping(rows)
-        most = len(chosen) if helping is None else helping + 1
-        self.tried += [Tried(chosen[number], rows[number]) for number in range(most)]
         return None if helping is None else chosen[helping]
 
     def options_of(self, candidate: Candidate) -> dict[str, Any]:
@@ -109,16 +112,6 @@ class Reruns:
 
     def _changes(self, candidate: Candidate) -> list[dict[str, Any]]:
         return [one.as_json() for one in (*self._base, *candidate.changes)]
-
-
-def _first_helping(rows: Mapping[int, Row]) -> int | None:
-    """Number of the first row that reached its goal if all before it are known and did not."""
-    number = 0
-    while number in rows:
-        if is_reached(rows[number]):
-            return number
-        number += 1
-    return None
 
 
 def search(situation: Situation, reruns: Reruns) -> Search:

@@ -9,6 +9,7 @@ from executive.why.candidates import CLOSING, OPENING
 from executive.why.costs import displacement, groups_of
 from executive.why.evidence import PUTTING_DOWN
 from planlang.advice import ABSENT, ARM, ATTEMPTS, BEFORE, GRASP, POSITION, ROBOT, SCHEDULE, START, Change
+from planlang.geometry.areas import HAIR
 from sim import Scene
 from sim.joints import Articulation, JointKind
 
@@ -32,10 +33,13 @@ def _clause(group: list[Change], scene: Scene) -> str:
         assert isinstance(value, float)
         joint = next((one for one in scene.joints if one.leaf == name), None)
         return f"{name} is {_opening(joint, value)} from the start"
-    away = math.hypot(*displacement(change, scene))
+    x, y, z = displacement(change, scene)
+    way = "" if math.hypot(x, y) > HAIR else " up" if z > 0 else " down"
     assert isinstance(value, tuple)
     place = ", ".join(f"{axis} = {number:.2f}" for axis, number in zip("xyz", map(float, value), strict=True))
-    return f"{name} is moved {away:.2f} m, to {place}" + (f", and {_listed(along)} with it" if along else "")
+    return f"{name} is moved {math.hypot(x, y, z):.2f} m{way}, to {place}" + (
+        f", and {_listed(along)} with it" if along else ""
+    )
 
 
 def _option(change: Change) -> str:

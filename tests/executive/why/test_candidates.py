@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
+
+import pytest
 
 from executive.why.candidates import Candidate, Situation, advised, can_be_joined, cheaper, followed, singles
 from executive.why.costs import cost_of
@@ -12,6 +15,7 @@ from planlang.advice import Change
 from planlang.geometry import Pose
 from sim import Body, Scene
 from sim.joints import Articulation, JointKind
+from sim.scene import BodyShape, Cavity
 
 TABLE = Body("table1", Pose((2.0, 0.0, 0.37)), (0.6, 1.2, 0.74))
 CUP = Body("cup1", Pose((1.9, 0.0, 0.79)), (0.08, 0.08, 0.1), movable=True)
@@ -21,7 +25,7 @@ CUPBOARD = Body("cupboard1", Pose((0.0, 3.0, 0.5)), (0.5, 0.6, 1.0))
 DOOR = Body("door1", Pose((0.26, 3.0, 0.5)), (0.02, 0.6, 1.0))
 HINGE = Articulation("door1", JointKind.HINGED, (0.26, 2.7, 0.5), (0.0, 0.0, 1.0), 0.0, 1.57, "cupboard1")
 SCENE = Scene((TABLE, CUP, BOX, SAUCER, CUPBOARD, DOOR), joints=(HINGE,))
-EVIDENCE = Evidence((), ("cup1 cannot be reached",), {"box1": 3}, "", "", False, True, False, 1)
+EVIDENCE = Evidence((), ("cup1 cannot be reached",), {"box1": 3}, "", "", False, True, False, 1, is_grasp_open=True)
 SITUATION = Situation(SCENE, frozenset({"cup1"}), "amigo", ("right", "left"), ("amigo", "pr2"), EVIDENCE)
 
 
@@ -148,3 +152,61 @@ def test_a_run_is_past_another_if_more_steps_succeeded_or_as_many_and_another_on
     assert replace(EVIDENCE, where="serve/pour").is_past(EVIDENCE)
     assert not replace(EVIDENCE, steps=0, where="serve/pour").is_past(EVIDENCE)
     assert not replace(EVIDENCE, where="serve/SettingAsideAnObject/LoweringAnObject").is_past(EVIDENCE)
+
+
+def places(scene: Scene, name: str) -> set[Any]:
+    """Where a body that the failure names is moved to."""
+    evidence = replace(EVIDENCE, texts=(f"{name} cannot be reached",), blocking={})
+    every = with_smaller(singles(replace(SITUATION, scene=scene, evidence=evidence)))
+    first = [one.changes[0] for one in every]
+    return {one.value for one in first if one.thing == name and one.what == "translation"}
+
+
+def test_a_thing_is_moved_up_or_down_only_onto_something() -> None:
+    assert {z for _, _, z in places(SCENE, "cup1")} == {0.79}, "5 cm above the table is in the air"
+    shelf = Body("shelf1", Pose((1.9, 0.0, 0.92)), (0.2, 0.2, 0.02))
+    assert {z for _, _, z in places(Scene((*SCENE.bodies, shelf)), "cup1")} == {0.79, 0.99}, "20 cm up is on the shelf"
+    tall = replace(CUP, pose=Pose((1.9, 0.0, 0.99)))
+    assert places(Scene((TABLE, tall)), "cup1") == {(1.9, 0.0, 0.79)}, "what hangs in the air is let down"
+    heights = {z for _, _, z in places(SCENE, "table1")}
+    assert heights == {0.17, 0.32, 0.37, 0.42, 0.57}, "furniture may be of another height"
+
+
+def test_a_thing_stays_in_its_compartment_and_does_not_get_through_the_walls() -> None:
+    hollow = replace(CUPBOARD, cavities=(Cavity((0.07, 0.0, 0.0), (0.6, 0.56, 0.96)),))
+    cup = replace(CUP, pose=Pose((0.0, 3.0, 0.6)))
+    for cupboard in (CUPBOARD, hollow):
+        found = places(Scene((cupboard, cup, DOOR), joints=(HINGE,)), "cup1")
+        assert {z for _, _, z in found} == {0.6}
+        back = {0.0, -0.05, -0.1} | ({-0.2} if cupboard == CUPBOARD else set())
+        assert {x for x, _, _ in found} == back | {0.05, 0.1, 0.2}
+        assert {y for _, y, _ in found} == {3.0, 3.05, 3.1, 3.2, 2.95, 2.9, 2.8}, "0.4 m to a side is outside"
+
+
+def test_nothing_is_moved_through_the_wall_of_a_room() -> None:
+    room = Body("room1", Pose((2.0, 0.0, 1.25)), (1.0, 4.0, 2.5), BodyShape.ROOM)
+    assert {x for x, _, _ in places(Scene((room, *SCENE.bodies)), "table1")} == {1.8, 1.9, 1.95, 2.0, 2.05, 2.1, 2.2}
+
+
+def test_what_was_advised_is_left_out_if_the_thing_would_hang_in_the_air() -> None:
+    beside = (Change("translation", (2.5, 0.0, 0.79), "cup1"),)
+    assert advised(replace(SITUATION, evidence=replace(EVIDENCE, advised=(beside,)))) == []
+
+
+def test_a_move_up_or_down_is_said_as_such() -> None:
+    up = (Change("translation", (2.0, 0.0, 0.42), "table1"),)
+    assert clause_of(up, SCENE) == "table1 is moved 0.05 m up, to x = 2.00, y = 0.00, z = 0.42"
+
+
+def test_classes_of_grasps_are_tried_only_if_the_plan_left_one_open() -> None:
+    assert "grasp" in kinds(singles(SITUATION))
+    assert "grasp" not in kinds(singles(replace(SITUATION, evidence=replace(EVIDENCE, is_grasp_open=False))))
+
+
+@pytest.mark.parametrize(
+    ("location", "is_open"),
+    [("in_reach_of(cup1) with gripper", True), ("in_reach_of(cup1) by a top grasp", False), ("near(table1)", False)],
+)
+def test_a_trace_tells_whether_a_place_was_sought_to_grasp_from(location: str, is_open: bool) -> None:
+    node = {"step": 0, "event": "started", "node": 1, "parent": None, "name": "at_location", "kind": "at_location"}
+    assert Evidence.of([{**node, "location": location}]).is_grasp_open is is_open
