@@ -40,7 +40,7 @@ from planlang.language.performing import actions_around, perform
 from planlang.language.recovery import PROPAGATE, RETRY, Do, Recovery, RecoveryResult, Return, retry
 from planlang.language.remaining import remaining_actions
 from planlang.language.resources import goes_first, hand_freed, lacks_hands
-from planlang.language.set_aside import check_in_hand, note_set_aside, times_set_aside
+from planlang.language.set_aside import lost_from_hand, note_set_aside, times_set_aside
 from planlang.language.tidying import passed
 from planlang.misuse import Usage, written
 from planlang.records import dataclass
@@ -237,7 +237,9 @@ def open_what_is_in_the_way(what: Object) -> Do:
         before = times_set_aside()
         result = await opening(failure)
         if result is RETRY and isinstance(failure, ObjectUndeliverable) and times_set_aside() > before:
-            check_in_hand(what, executive_for("open_what_is_in_the_way"))
+            lost = lost_from_hand(what, executive_for("open_what_is_in_the_way"))
+            if lost is not None:
+                raise lost
         return result
 
     return open_it

@@ -40,16 +40,11 @@ def left_behind(action: Action, executive: Executive) -> ObjectLost | None:
         return None
     if all(FROM_THE_HAND.isdisjoint(level) for level in levels_above(action.type, executive.ancestors)):
         return None
-    return _lost(what, executive)
+    return lost_from_hand(what, executive)
 
 
-def check_in_hand(what: Object, executive: Executive) -> None:
-    """Raise ObjectLost if a thing that a recovery may have set aside is in no hand."""
-    if (lost := _lost(what, executive)) is not None:
-        raise lost
-
-
-def _lost(what: Object, executive: Executive) -> ObjectLost | None:
+def lost_from_hand(what: Object, executive: Executive) -> ObjectLost | None:
+    """Make the failure of a thing that a recovery may have set aside, if it is in no hand."""
     if executive.holds(Condition("holding", (what,))):
         return None
     return ObjectLost(f"{what.name} was set aside on the way, and is in no hand", what=what.name)

@@ -456,7 +456,7 @@ class _ArmPaths:
             return None
         count = 1 + self._free_steps(base, joints[1:], closed)
         free = np.flatnonzero(self._roomy[:count] & self._leaves(grip, lag, count))
-        if not len(free):
+        if not free.any():  # from none, or only from where the leaf is now
             self._rejected.add("no way for the fingers to leave the handle")
             return None
         count = 1 + int(free[-1])

@@ -1,4 +1,7 @@
-"""A plan without its failure handling: no recovery handles a failure, wherever it is stated, and one place is tried."""
+"""A plan without its failure handling: no recovery handles a failure, wherever it is stated, and one place is tried.
+
+A plan with more of it: each recovery tries more often than it states.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from virtual_time import go
 
 from planlang import *
 from planlang.failures import GraspMissed, ManipulationPoseUnreachable, ObjectUnfetchable, ObjectUnreachable
-from planlang.language.recovery import without_recoveries
+from planlang.language.recovery import trying_more, without_recoveries
 
 CUP = an_object("Cup", "http://example.org/map#cup1")
 
@@ -74,3 +77,18 @@ def test_a_location_scope_tries_its_first_base_pose_only(executive: Any) -> None
     with pytest.raises(ObjectUnreachable):
         go(bare(partial(at_location, a_location(in_reach_of=CUP), body, again)), executive)
     assert executive.log == ["at 1"]
+
+
+def test_with_more_attempts_each_recovery_tries_so_many_times_more_than_it_states() -> None:
+    async def grasp() -> None:
+        tried.append("front")
+        raise GraspMissed
+
+    async def plan() -> None:
+        with trying_more(2):
+            await with_failure_handling(grasp, Recovery(GraspMissed, retries=1))
+
+    tried: list[str] = []
+    with pytest.raises(GraspMissed):
+        go(plan)
+    assert len(tried) == 1 + 1 + 2
