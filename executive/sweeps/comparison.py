@@ -366,7 +366,7 @@ def _cause_lines(variants: Sequence[VariantShare]) -> Iterator[str]:
         yield f"  {one.name}, {cause.count} of {_worlds(one.worlds)}: {name}"
         yield f"    {cause.repeat or f'world {cause.world}'}"
     if len(failing) > MOST_CAUSES:
-        yield f"  of {len(failing) - MOST_CAUSES} more, and all causes: planlang sweep-table FILE"
+        yield f"  of {len(failing) - MOST_CAUSES} more: the table of each file has all causes"
 
 
 def _cells(one: VariantShare) -> tuple[str, ...]:

@@ -91,7 +91,7 @@ def test_the_most_frequent_cause_is_said_of_the_three_variants_that_failed_most_
         "  b, 2 of 3 worlds: Far: it is far\n    run b 2\n"
         "  a, 1 of 1 world: Lost: it is far\n    run a 1\n"
         "  c, 1 of 1 world: Far: it is far\n    run c 1\n"
-        "  of 1 more, and all causes: planlang sweep-table FILE"
+        "  of 1 more: the table of each file has all causes"
     )
     assert "most frequent cause" not in found.text_of_pairs
 

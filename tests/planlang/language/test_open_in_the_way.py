@@ -31,7 +31,7 @@ from planlang.failures import (
     ObjectUnreachable,
     PlanFailure,
 )
-from planlang.testing import Script, run_plan
+from planlang.testing import PlanRun, Script, run_plan
 
 CUP, DOOR = an_object("Cup", "http://example.org/#cup1"), an_object("Door", "http://example.org/#door1")
 OPENS = Recovery(ObjectUnreachable, open_what_is_in_the_way(CUP), retries=2)
@@ -104,7 +104,8 @@ def test_doors_that_are_each_behind_the_other_are_opened_once_each_and_the_failu
     assert len(opened) == 2
 
 
-def test_what_the_only_hand_puts_down_to_open_a_door_is_taken_up_again_before_it_is_delivered() -> None:
+def delivering_through_a_door(**held: Object) -> PlanRun:
+    """Run a plan that delivers the cup through a door, while hands hold the cup and maybe more."""
     undeliverable = ObjectUndeliverable(what="cup1")
     undeliverable.__cause__ = BehindClosedDoor(what="table1", door=DOOR)
     left = [undeliverable]
@@ -121,15 +122,27 @@ def test_what_the_only_hand_puts_down_to_open_a_door_is_taken_up_again_before_it
         await with_failure_handling(deliver, Recovery(ObjectUndeliverable, open_what_is_in_the_way(CUP)))
 
     async def plan() -> None:
-        await grasp()
+        for one in held.values():
+            await perform(action("ClosingAGripper", object_acted_on=one))
         await with_failure_handling(at_the_table, Recovery(ObjectLost, fetch_again(CUP, grasp)))
 
-    full = HandsFull(what="handle", held={"arm": CUP})
-    run = run_plan(plan, script=Script().on("OpeningAContainerArtifact", fails=lambda: full, times=1))
+    full = HandsFull(what="handle", held=held)
+    return run_plan(plan, script=Script().on("OpeningAContainerArtifact", fails=lambda: full, times=1))
+
+
+def test_what_the_only_hand_puts_down_to_open_a_door_is_taken_up_again_before_it_is_delivered() -> None:
+    run = delivering_through_a_door(arm=CUP)
     assert run.failure is None
     assert run.attempts("SettingAsideAnObject") == 1
     assert run.attempts("ClosingAGripper") == 2
     assert run.happened_before("OpeningAContainerArtifact", "OpeningAGripper")
+
+
+def test_what_the_other_hand_puts_down_to_open_a_door_leaves_the_thing_to_deliver_in_its_hand() -> None:
+    run = delivering_through_a_door(left=an_object("Can", "http://example.org/#can1"), right=CUP)
+    assert run.failure is None
+    assert run.attempts("SettingAsideAnObject") == 1
+    assert run.attempts("ClosingAGripper") == 2, "each of both things once"
 
 
 def test_what_is_out_of_reach_for_another_reason_stays_so() -> None:
