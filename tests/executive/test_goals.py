@@ -40,6 +40,7 @@ def test_the_documentation_has_the_command_of_every_scenario() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.pr2
 def test_a_pancake_that_the_spatula_did_not_take_along_is_not_flipped(
     corpus: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
