@@ -79,8 +79,10 @@ def call_to_pass_on(files: RunFiles, **instead: Any) -> Call:
 
 def call_to_ask_why(files: RunFiles) -> Call:
     """The call that asks why a run failed, for others: the trace has the rest."""
-    call = call_to_pass_on(files, apply=None, start=None, schedule=None, set=None)
-    trace = Blank("TRACE") if files.options.trace is None else Path(files.options.trace.name)
+    call = call_to_pass_on(files, apply=None, start=None, schedule=None, set=None, task=None)
+    written, repeated = files.options.trace, files.options.repeated
+    name = written.name if written is not None else Path(repeated.name).name if repeated is not None else None
+    trace = Blank("TRACE") if name is None else Path(name)
     names = (*declared(SituationSettings),)
     return Call("why", (trace, *call.arguments), tuple(one for one in call.options if one.name in names))
 
