@@ -235,9 +235,13 @@ class Bodies:
     def _put(self, name: str, indices: Sequence[int]) -> None:
         """Move pieces of a body to where they belong: all at once, as a thing in a hand moves with each query."""
         pieces, body = [self.pieces[index] for index in indices], self.poses[name]
-        placed = Pose.from_matrices(product(body.matrix(), Pose.matrices(piece.offset for piece in pieces)))
-        for piece, pose in zip(pieces, placed, strict=True):
-            piece.pose = body if piece.offset == _HERE else pose
+        apart = [piece for piece in pieces if piece.offset != _HERE]
+        for piece in pieces:
+            piece.pose = body
+        if apart:
+            placed = Pose.from_matrices(product(body.matrix(), Pose.matrices(piece.offset for piece in apart)))
+            for piece, pose in zip(apart, placed, strict=True):
+                piece.pose = pose
         if name in self.removed:
             return
         for piece in pieces:
