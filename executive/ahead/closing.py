@@ -35,7 +35,7 @@ def leads_back(scene: PlanningScene, door: Object, beyond: BasePose) -> bool:
     x, y, yaw = beyond
     before = (x - 2 * PAST * math.cos(yaw), y - 2 * PAST * math.sin(yaw))
     leaf = scene.bodies.bind(door)
-    here, there = (_reached(scene, leaf, pose) for pose in ((*before, yaw + math.pi), beyond))
+    here, there = (reached_from(scene, leaf, pose) for pose in ((*before, yaw + math.pi), beyond))
     if here is None or there is None:
         return True
     return any(
@@ -45,7 +45,7 @@ def leads_back(scene: PlanningScene, door: Object, beyond: BasePose) -> bool:
     )
 
 
-def _reached(scene: PlanningScene, leaf: str, side: BasePose) -> Drivable | None:
+def reached_from(scene: PlanningScene, leaf: str, side: BasePose) -> Drivable | None:
     """Compute where the base may drive from a side of a door that is shut; None without room for it there."""
     shut, robot, (x, y, yaw) = scene.belief.with_leaf(leaf, 0.0), scene.belief.robot, side
     for further, turn in product(FURTHER, TURNS):

@@ -12,13 +12,12 @@ from executive.options.running import RunSettings
 from executive.runs.options import Outcome, RunOptions
 from executive.runs.plan_run import run_plan_file
 from executive.runs.prepared import Inputs
+from executive.sweeps.records import LONGEST_MESSAGE
 from planlang.outputs import make_folder
 from planlang.words import COMMAND_LINE, said
 
 INPUTS = Inputs()
 """Inputs of all worlds in this process, read once: they are the same for the whole sweep."""
-LONGEST_MESSAGE = 2000
-"""Maximum length of a message in a row [characters]."""
 
 
 def ended(world: Mapping[str, Any]) -> dict[str, Any]:

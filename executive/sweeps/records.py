@@ -29,6 +29,8 @@ plan time].
 """
 READS_RUN = "executive.runs.assembled:read_files"
 """What reads the files of a world whose job is a run (:attr:`Task.reads`): by name, as only its process imports it."""
+LONGEST_MESSAGE = 2000
+"""Maximum length of a message in a row [characters]."""
 CRASHED = "crashed"
 """Outcome of a world whose job raised an exception, crashed or exceeded its limits."""
 

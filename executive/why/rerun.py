@@ -11,6 +11,7 @@ from executive.runs.options import RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file
 from executive.runs.prepared import Inputs
 from executive.sweeps import Row
+from executive.sweeps.records import LONGEST_MESSAGE
 from executive.why.evidence import Evidence
 from planlang.advice import Change
 from planlang.diagnostics import BadInput
@@ -31,7 +32,8 @@ def ended(world: Mapping[str, Any]) -> Row:
         result = run_plan_file(options, _INPUTS)
     except BadInput as problem:  # another start in collision, or another robot without its geometry
         return {"outcome": REFUSED, "message": str(problem.diagnostics[0].message)}
-    return {"outcome": result.outcome.value, "message": said(result.message, COMMAND_LINE)[:2000], **reached(result)}
+    message = said(result.message, COMMAND_LINE)[:LONGEST_MESSAGE]
+    return {"outcome": result.outcome.value, "message": message, **reached(result)}
 
 
 def reached(result: RunResult) -> dict[str, Any]:

@@ -65,10 +65,14 @@ class RoomDoor:
         file.write_text(self.text(), encoding="utf-8")
         return read_map(load(file))
 
-    def next_room(self) -> str:
-        """A third room in the row, 4.1 m further on, with such a door to it: further individuals of another one."""
-        room = _thing("beyond", self.behind, (ROOM + 2.1, 0.0, 1.3), (4.0, 4.0, 2.6))
-        return "\n".join((room, *self._door("_2", ROOM)))
+    def next_room(self, number: int = 1) -> str:
+        """A third room in the row, 4.1 m further on, with such a door to it: further individuals of another one.
+
+        ``number`` 2 is a fourth room, and so on.
+        """
+        name = "beyond" if number == 1 else f"beyond_{number}"
+        room = _thing(name, self.behind, (number * ROOM + 2.1, 0.0, 1.3), (4.0, 4.0, 2.6))
+        return "\n".join((room, *self._door(f"_{number + 1}", number * ROOM)))
 
     def _individuals(self) -> Iterator[str]:
         yield _thing("here", "Kitchen", (-2.0, 0.0, 1.3), (4.0, 4.0, 2.6))

@@ -6,10 +6,12 @@ from contextlib import suppress
 
 import numpy as np
 
+from executive.ahead.closing import reached_from
 from executive.belief.doorways import BEYOND
 from executive.belief.scene_collisions import BasePose
 from executive.locations.shut_ways import side_of
 from executive.modules.platform import PlatformModule
+from executive.motion.floods import Drivable
 from planlang.designators import Action, FixedPose, Object, action
 from planlang.failures import (
     ActionUnresolvable,
@@ -83,14 +85,23 @@ class ClosingAgain(PlatformModule):
         return doors
 
     def _next(self, sides: dict[str, FixedPose | None]) -> str:
-        """Choose the door that is closed next: with it shut the base gets to all the others, the last opened first."""
-        belief = self.platform.scene.belief
+        """Choose the door that is closed next, the last opened first.
+
+        From the side on which the base is once that is shut, it gets to all the others.
+        """
         for leaf in reversed(sides):
-            shut = self.platform.scene.supposing(belief.with_leaf(leaf, 0.0)).collisions.drivable()
-            others = [side for other, side in sides.items() if other != leaf and side is not None]
-            if all(shut.comes_near(np.array([side.x, side.y]), BEYOND) for side in others):
+            reached = self._reached(leaf, sides[leaf])
+            others = [one for other, one in sides.items() if other != leaf and one is not None]
+            if reached is not None and all(reached.comes_near(np.array([one.x, one.y]), BEYOND) for one in others):
                 return leaf
         return next(reversed(sides))
+
+    def _reached(self, leaf: str, side: FixedPose | None) -> Drivable | None:
+        """Compute where the base may drive once a door is shut from that side, or from where it is now."""
+        scene = self.platform.scene
+        if side is None:
+            return scene.supposing(scene.belief.with_leaf(leaf, 0.0)).collisions.drivable()
+        return reached_from(scene, leaf, (side.x, side.y, side.yaw))
 
     async def _keep_way(self, door: Object, place: BasePose) -> None:
         """Open a door again that parts the base from its place. Raises ContainerStuck then."""

@@ -168,6 +168,17 @@ def test_only_doors_between_rooms_are_closed_again(stack: ExitStack, tmp_path: P
             )
 
 
+@pytest.mark.long
+def test_of_doors_in_a_row_none_is_closed_before_those_behind_it(stack: ExitStack, tmp_path: Path) -> None:
+    door = RoomDoor(facts=("knowrob:jointPosition 1.57",))
+    stage = flat(stack, replace(door, more=door.next_room() + door.next_room(2)), tmp_path)
+    names = ("door", "door_2", "door_3")
+    trace, again = Trace(), action("ClosingDoorsAgain", object_acted_on=tuple(map(stage.designator, names)))
+    host = SimulationHost(stage.truth)
+    assert run(partial(perform, again), host=host, executive=stage.executive, trace=trace, max_steps=30_000) == ()
+    assert all(stage.truth.joint(name) < 0.05 for name in names)
+
+
 def test_a_door_that_cannot_be_closed_again_is_named_and_no_failure(stack: ExitStack, tmp_path: Path) -> None:
     stage = flat(stack, RoomDoor(handles=(), facts=("knowrob:jointPosition 1.57",)), tmp_path)
     trace, again = Trace(), action("ClosingDoorsAgain", object_acted_on=stage.designator("door"))
