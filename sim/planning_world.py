@@ -45,6 +45,8 @@ class Shape:
     """Inner approximations: within the links' true outlines; None until they are asked for, as they take long."""
 
 
+INTO = 0.005
+"""Depth of one body in another up to which they count as only touching [m]: more than what rests on others sinks in."""
 MOST_LINES = 16_000
 """Number of lines per ray cast; PyBullet's limit."""
 MOST_SHAPES = 64
@@ -98,6 +100,14 @@ class PlanningWorld(KinematicScene):
             itself = not set(moving) <= {*BASE, "base"}
             apart = self._robot.moved_apart(frozenset(moving)) if itself else None
         return self._find(configuration or self._now, Query(links, apart, ignore, itself=itself, among=among))
+
+    def overlapping(self, name: str, pose: Pose) -> tuple[str, ...]:
+        """Name the bodies into which a body reaches by more than :data:`INTO` if it is put at a pose, where it stays.
+
+        The robot is not counted.
+        """
+        self.set_pose(name, pose)
+        return tuple(sorted(self._contacts.touching(name, -INTO)))
 
     def touches(self, links: Collection[str], configuration: Configuration | None = None) -> tuple[Touch, ...]:
         """List what links feel, now or at another configuration, as in the true world."""

@@ -17,7 +17,7 @@ from executive.options.results import ResultFiles
 from executive.options.running import SituationSettings, SweepOptions
 from executive.runs.files import RecipeFile, refuse
 from executive.runs.options import RunOptions
-from executive.runs.prepared import prepared
+from executive.runs.prepared import RunFiles, prepared
 from executive.sweeps import Row, World, run
 from executive.sweeps.comparison import Comparison
 from executive.sweeps.installations import check_options, installation
@@ -167,6 +167,8 @@ class _Part:
         yield from ((name, path) for name, path in named.items() if path is not None)
         for name, paths in (("environment", files.additions), ("modules", self._run.modules or ())):
             yield from ((f"{name} {number}", path) for number, path in enumerate(paths, 2))
+        there = () if files.world is None else files.world.files
+        yield from ((f"world {number}", path) for number, path in enumerate(there, 1))
 
     def about(self) -> Iterator[tuple[str, Any]]:
         """Yield all that the rows depend on, for the header: the call and its settings, digests of the files."""
@@ -204,15 +206,22 @@ def _texts(values: Sequence[Any]) -> list[str]:
 
 def _other_worlds(parts: Sequence[_Part]) -> list[Diagnostic]:
     """Warn of variants in other environments: their worlds are not the same."""
-    chosen = dict.fromkeys((one.files.environment, *one.files.additions) for one in parts if one.files.environment)
+    chosen = dict.fromkeys(_maps(one.files) for one in parts if one.files.environment)
     if len(chosen) < 2:
         return []
     names = ", ".join(" and ".join(path.name.partition(".")[0] for path in paths if path) for paths in chosen)
-    if any(part.variant is not None and "environment" in part.variant.columns for part in parts):
+    varied = (part.variant.columns for part in parts if part.variant is not None)
+    if any("environment" in columns or "world" in columns for columns in varied):
         advice = Text("compare how often they reach their goals: world N of one is not world N of another")
     else:
         advice = Text(Option("environment"), " names one for all")
     return [warning("C038", f"the variants are in different environments: {names}", help=advice)]
+
+
+def _maps(files: RunFiles) -> tuple[Path, ...]:
+    """Files that state what is there."""
+    environment = () if files.environment is None else (files.environment, *files.additions)
+    return environment if files.world is None else (*(files.world.maps or environment), *files.world.lists)
 
 
 def _about(options: SweepOptions, parts: Sequence[_Part]) -> Mapping[str, Any]:

@@ -78,6 +78,17 @@ Environment = Annotated[
         is_repeatable=True,
     ),
 ]
+World = Annotated[
+    Name | list[Name] | None,
+    option(
+        metavar="MAP",
+        help="What is there, unlike the environment, which the robot believes: maps as for that, or the environment "
+        "with the changes of a JSON file; default: as the environment.",
+        parse=names,
+        is_repeatable=True,
+        in_header=InHeader("world", taken=False),
+    ),
+]
 Start = Annotated[
     BasePose | None,
     option(
@@ -170,6 +181,7 @@ class SituationSettings(TaskOptions):
 
     robot: Robot = None
     environment: Environment = None
+    world: World = None
     urdf: Urdf = None
     models: Annotated[
         list[Path] | None,
@@ -424,6 +436,7 @@ class LocateOptions(OntologyOptions):
     robot: Robot = None
     urdf: Urdf = None
     environment: Environment = None
+    world: World = None
     start: Start = None
     of: Annotated[
         str | None,

@@ -64,38 +64,50 @@ def real_scene(scene: Scene, seed: int, robot_in: PlanningWorld) -> Scene:
     return perturb(scene, seed, radius=radius, height=height)
 
 
+Holding = tuple[Scene, Mapping[str, Hold]]
+"""A scene, and what the robot's hands hold in it."""
+
+
 def world_at_start(
-    scene: Scene, robot: Robot, start: BasePose | None, stack: ExitStack, held: Mapping[str, Hold] | None = None
+    scene: Scene,
+    robot: Robot,
+    start: BasePose | None,
+    stack: ExitStack,
+    held: Mapping[str, Hold] | None = None,
+    there: Holding | None = None,
 ) -> PlanningWorld:
     """Make a world with the robot at its start: the user's pose, else a free pose near the middle.
 
-    Things in ``held`` have room there, too. ``stack`` closes the world. Raises BadInput if no pose is free, or the
-    user's is not.
+    Things in ``held`` have room there, too. The pose is also free in the true world, ``there``, if that is not as the
+    scene. ``stack`` closes the world. Raises BadInput if no pose is free, or the user's is not.
     """
     poses = default_starts(scene, robot.base.radius) if start is None else iter((start,))
     first = next(poses, None)
     if first is None:
         raise _no_start()
-    world = PlanningWorld(replace(with_store(scene), start=first), robot.body())
-    stack.callback(world.close)
-    if not world.robot.solid:
-        message = "no link has a shape (<collision> or <visual>): collisions cannot be checked"
-        raise BadInput([error("B015", message, Span(str(robot.urdf)))])
-    if held:
-        world = WorldMirror(world, robot.name).at(world.world_state(robot.name).gripping(held))
+
+    def at(pose: BasePose, scene: Scene, held: Mapping[str, Hold] | None) -> PlanningWorld:
+        world = PlanningWorld(replace(with_store(scene), start=pose), robot.body())
+        stack.callback(world.close)
+        if not world.robot.solid:
+            message = "no link has a shape (<collision> or <visual>): collisions cannot be checked"
+            raise BadInput([error("B015", message, Span(str(robot.urdf)))])
+        return WorldMirror(world, robot.name).at(world.world_state(robot.name).gripping(held)) if held else world
+
+    worlds = [at(first, scene, held)]
     if start is not None:
-        _check_start(world, default_starts(scene, robot.base.radius))
-    now = world.configuration()
+        _check_start(worlds[0], default_starts(scene, robot.base.radius))
+    if there is not None:
+        worlds.append(at(first, *there))
+        if start is not None:
+            _check_start(worlds[1], default_starts(there[0], robot.base.radius), " in the world")
+    now = worlds[0].configuration()
     for pose in chain((first,), islice(poses, MOST_STARTS)):
-        if not world.contacts(replace(now, base=pose), moving=("base",)):
+        if not any(world.contacts(replace(now, base=pose), moving=("base",)) for world in worlds):
             break
     else:
         raise _no_start()
-    if pose == first and not held:
-        return world
-    world = PlanningWorld(replace(with_store(scene), start=pose), robot.body())
-    stack.callback(world.close)
-    return world
+    return worlds[0] if pose == first and not held else at(pose, scene, None)
 
 
 START = Option("start", Blank("X,Y,YAW"))
@@ -107,14 +119,14 @@ def _no_start() -> BadInput:
     return BadInput([error("X003", "no free start pose for the robot was found", help=advice)])
 
 
-def _check_start(world: PlanningWorld, free: Iterator[BasePose]) -> None:
+def _check_start(world: PlanningWorld, free: Iterator[BasePose], where: str = "") -> None:
     """Raise BadInput if the start pose is in collision or off the map; the help is the nearest of some ``free`` ones.
 
     Of these, the robot with its arms has room only at some.
     """
     x, y, yaw = world.scene.start
     x_min, y_min, x_max, y_max = world.scene.bounds
-    place = f"the robot cannot start at {x:g},{y:g},{yaw:g}"
+    place = f"the robot cannot start at {x:g},{y:g},{yaw:g}{where}"
     advice = Text(START, f" with x in {x_min:g}..{x_max:g}, y in {y_min:g}..{y_max:g}")
     if not (x_min < x < x_max and y_min < y < y_max):
         raise BadInput([error("X007", f"{place}: it is off the map", help=advice)])
@@ -183,19 +195,23 @@ def _other_hands(robot: Robot, arm: str | None) -> list[str]:
     return [] if arm is None else [one for one in names if one != arm]
 
 
-def take(platform: Platform, truth: PyBulletWorld, held: Mapping[str, Hold]) -> None:
-    """Put things into the robot's hands and close the fingers on them, in the true world and in the belief."""
-    state = truth.world_state()
+def take(platform: Platform, truth: PyBulletWorld | None, held: Mapping[str, Hold]) -> None:
+    """Put things into the robot's hands and close the fingers on them, in the true world and in the belief.
+
+    Without a true world, only in the belief: what is in the hands there is another matter.
+    """
+    state = None if truth is None else truth.world_state()
     for name, hold in held.items():
-        scene, arm = platform.scene, next(arm for arm in platform.scene.arms.all if arm.name == hold.arm)
-        base, q = platform.base(), platform.arm_joints(arm)
-        supposed = scene.belief.state.placed({name: scene.world.link_pose(hold.link) @ hold.offset})
-        fingers = scene.supposing(supposed).collisions.closed_on(base, arm, q, name)
-        there = Configuration(base, {**state.robots[ROBOT].joints, **(fingers or {})})
-        state = state.with_robot(ROBOT, there).placed({name: truth.link_pose(hold.link) @ hold.offset})
-        state = state.gripped(name, hold)
+        if truth is not None and state is not None:
+            scene, arm = platform.scene, next(arm for arm in platform.scene.arms.all if arm.name == hold.arm)
+            base, q = platform.base(), platform.arm_joints(arm)
+            supposed = scene.belief.state.placed({name: scene.world.link_pose(hold.link) @ hold.offset})
+            fingers = scene.supposing(supposed).collisions.closed_on(base, arm, q, name)
+            there = Configuration(base, {**state.robots[ROBOT].joints, **(fingers or {})})
+            state = state.with_robot(ROBOT, there).placed({name: truth.link_pose(hold.link) @ hold.offset})
+            state = state.gripped(name, hold)
         platform.belief.grasped(name, *hold)
-    if held:
+    if held and truth is not None and state is not None:
         become(truth, ROBOT, state)
 
 

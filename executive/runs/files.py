@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from collections.abc import Iterable, Sequence
@@ -9,8 +10,9 @@ from pathlib import Path
 
 from executive.options.declaring import Name
 from executive.options.running import Source
+from planlang.advice import Change, changes_in
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note
-from planlang.files import Bundled, decode, encoding_of, open_regular, read_at_most
+from planlang.files import Bundled, decode, encoding_of, open_regular, read_at_most, read_file
 from planlang.language.source import PlanSource
 from planlang.outputs import LARGEST_PLAN
 from planlang.plan_versions import has_conflicts, unresolved
@@ -43,6 +45,15 @@ def environments(given: Sequence[Name | None] | None, problems: list[Diagnostic]
     """Find the files of environments; appends errors to ``problems``."""
     paths = (chosen(Bundled.ENVIRONMENT, name, None, problems) for name in given or ())
     return tuple(path for path in paths if path is not None)
+
+
+def read_changes(file: Path) -> tuple[Change, ...]:
+    """Read what a failed run advises to change. Raises BadInput for another file."""
+    try:
+        return changes_in(json.loads(decode(read_file(file), str(file))))
+    except (ValueError, RecursionError) as problem:
+        advice = Text("write the JSON of a failed run into it: ", Option("json", True))
+        raise BadInput([error("C025", f"no changes to apply: {problem}", Span(str(file)), advice)]) from None
 
 
 def check_files(problems: list[Diagnostic], **files: Path | Sequence[Path] | None) -> None:
@@ -103,6 +114,36 @@ def unacceptable(codes: Sequence[str]) -> list[Diagnostic]:
         message = Text(Option("accept", code), f": there is no uncertain fix of {code}")
         errors.append(error("C015", message, help=advice))
     return errors
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorldFiles:
+    """What states the true world: maps, or else those of the environment, and changes of them."""
+
+    maps: tuple[Path, ...] = ()
+    lists: tuple[Path, ...] = ()
+    """Files of changes, in JSON."""
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All files."""
+        return *self.maps, *self.lists
+
+    @staticmethod
+    def named(given: Sequence[Name], problems: list[Diagnostic]) -> WorldFiles | None:
+        """Find what is named; None if nothing is. Appends errors to ``problems``."""
+        lists = tuple(Path(one) for one in given if os.fspath(one).endswith(".json"))
+        maps = environments([one for one in given if not os.fspath(one).endswith(".json")], problems)
+        check_files(problems, world=lists)
+        return WorldFiles(maps=maps, lists=lists) if given else None
+
+    def changes(self) -> tuple[Change, ...]:
+        """Read the changes. Raises BadInput for another file, and for changes of options."""
+        found = tuple(one for file in self.lists for one in read_changes(file))
+        if wrong := [one.what for one in found if one.thing is None]:
+            message = f"the world has no option {wrong[0]}: state changes of things"
+            raise BadInput([error("C025", message, Span(str(self.lists[0])))])
+        return found
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,27 +54,32 @@ class FoundPose:
     """Words of the phrase such as ``left of`` -> the thing whose sides they refer to."""
     detail: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """Further data of the search."""
+    blocked_by: tuple[str, ...] | None = None
+    """What the base, or the thing, would run into there in the true world; None if that is as the environment."""
 
     @property
     def row(self) -> dict[str, Any]:
         """The pose as a row of a table: x, y [m], yaw [rad], for things z [m], score, arm and what it reaches."""
         height = {} if self.z is None else {"z": self.z}
         numbers = {"x": self.x, "y": self.y, **height, "yaw": self.yaw, "score": self.score}
-        return numbers | {"arm": self.arm, "reaches": ", ".join(self.reaches)}
+        blocked = {} if self.blocked_by is None else {"blocked_by": ", ".join(self.blocked_by)}
+        return numbers | {"arm": self.arm, "reaches": ", ".join(self.reaches)} | blocked
 
     def as_json(self) -> dict[str, Any]:
         """The pose as JSON."""
+        blocked = {} if self.blocked_by is None else {"blocked_by": [*self.blocked_by]}
         if self.z is not None:
             frame = {"frame": self.frame} if self.frame else {}
-            return {"x": self.x, "y": self.y, "z": self.z, "yaw": self.yaw, **frame}
+            return {"x": self.x, "y": self.y, "z": self.z, "yaw": self.yaw, **frame, **blocked}
         pose = {"x": self.x, "y": self.y, "yaw": self.yaw, "score": self.score}
-        return {**pose, **self.detail, "hands": [*self.hands]}
+        return {**pose, **self.detail, "hands": [*self.hands], **blocked}
 
     def line(self, shown: Shown) -> str:
         """Format the pose for people, with the arm and what it reaches."""
         height = {} if self.z is None else {"z": self.z}
         how = f"{self.arm_in_words}: {', '.join(self.reaches)}" if self.arm else ""
         how += "".join(f", after a look from {shown(x=x, y=y, yaw=yaw)}" for x, y, yaw in self.looks)
+        how += f"  in the world it runs into {', '.join(self.blocked_by)}" if self.blocked_by else ""
         return f"{shown(x=self.x, y=self.y, **height, yaw=self.yaw)}  {how}".rstrip()
 
     @property

@@ -19,11 +19,12 @@ from executive.options.running import LocateOptions
 from executive.pictures.scenery import Resolution, scenery_of
 from executive.robots import bind_robot
 from executive.robots.arms import with_carrying
-from executive.runs.assembly import platform_of, world_at_start
+from executive.runs.assembly import Holding, platform_of, world_at_start
 from executive.runs.failure import Failure
-from executive.runs.files import check_files, chosen, environments, refuse
+from executive.runs.files import WorldFiles, check_files, chosen, environments, refuse
 from executive.runs.located import Drawn, FoundPose, Located, Shown
 from executive.runs.phrases import lexicon_of
+from executive.runs.prepared import Inputs, read_maps
 from planlang.designators import Location, Object, Relation
 from planlang.diagnostics import BadInput, Diagnostic, error, note, warning
 from planlang.failures import LocationUnresolvable, MissingCapability, ObjectUnresolvable, PlanFailure
@@ -37,7 +38,7 @@ from planlang.progress import Report, Waiting, unreported, unwatched
 from planlang.records import dataclass
 from planlang.relations import RELATIONS
 from planlang.words import Blank, Option, Text, joined
-from sim import PyBulletWorld
+from sim import PlanningWorld, PyBulletWorld, Scene
 
 
 @dataclass(slots=True)
@@ -50,6 +51,8 @@ class _Question:
     platform: Platform
     meant: Mapping[Object, str]
     found: list[Diagnostic] = field(default_factory=list)
+    there: PlanningWorld | None = None
+    """The true world, if it is not as the environment."""
 
     @property
     def body(self) -> str | None:
@@ -64,6 +67,7 @@ class _Files:
     robot: Path
     environment: Path
     additions: tuple[Path, ...]
+    world: WorldFiles | None
 
 
 def locate(options: LocateOptions, *, long_work: Report = unreported, waiting: Waiting = unwatched) -> Located:
@@ -94,7 +98,9 @@ def _located(options: LocateOptions, long_work: Report, waiting: Waiting) -> Loc
             arms = ", ".join(arm.name for arm in robot.arms) or "none"
             device = write_thing(location.device).removeprefix("the ")
             return _missing(MissingCapability(f"{robot.name} has no {device}; its arms: {arms}"), options, diagnostics)
-        world = world_at_start(scene_of(semantic_map, diagnostics), robot, options.start, stack)
+        there = _world(files, options, diagnostics)
+        in_world: Holding | None = None if there is None else (there, {})
+        world = world_at_start(scene_of(semantic_map, diagnostics), robot, options.start, stack, None, in_world)
         truth = PyBulletWorld(world.scene, robot.body())  # equals the belief: nothing moves
         stack.callback(truth.close)
         platform = platform_of(robot, semantic_map, truth, world, 0, long_work)
@@ -102,6 +108,9 @@ def _located(options: LocateOptions, long_work: Report, waiting: Waiting) -> Loc
         diagnostics.extend(_choices(meant, lexicon, platform))
         try:
             question = _Question(location, what, lexicon, platform, meant, diagnostics)
+            if there is not None:
+                question.there = PlanningWorld(replace(there, start=world.scene.start), robot.body())
+                stack.callback(question.there.close)
             located, log = _resolved(question, options, waiting)
             return replace(located, drawn=_drawn(located, log, question, options))
         except LocationMeaningless as problem:
@@ -118,15 +127,39 @@ def _found(options: LocateOptions) -> _Files:
     first, *further = (*names(options.environment or ()),) or (None,)
     environment = chosen(Bundled.ENVIRONMENT, first, None, problems, needs="locate")
     additions = environments(further, problems)
+    world = WorldFiles.named(names(options.world or ()), problems)
     inputs: dict[Named, Path | None] = {
         Option("urdf"): options.urdf,
         Option("robot"): robot,
         Option("environment"): environment,
+        **({} if world is None else {Option("world", one): one for one in world.files}),
     }
     refuse([*problems, *check_written(options, LocateOptions, inputs)])
     assert robot is not None
     assert environment is not None
-    return _Files(robot, environment, additions)
+    return _Files(robot, environment, additions, world)
+
+
+def _world(files: _Files, options: LocateOptions, found: list[Diagnostic]) -> Scene | None:
+    """Read the true world; None if it is as the environment. Raises BadInput."""
+    if files.world is None:
+        return None
+    maps = files.world.maps or (files.environment, *files.additions)
+    noted: list[Diagnostic] = []
+    scene = scene_of(read_maps(maps, files.world.changes(), options, Inputs(), noted), noted)
+    found += [one for one in noted if one not in found]
+    return scene
+
+
+def _runs_into(pose: FoundPose, question: _Question) -> tuple[str, ...] | None:
+    """Find what is in the way at a pose in the true world; None if that is as the environment, or lacks the thing."""
+    there, body = question.there, question.body
+    if there is None or (body is not None and body not in there.names()):
+        return None
+    if body is not None and pose.z is not None:
+        return there.overlapping(body, Pose.planar(pose.x, pose.y, pose.yaw, pose.z))
+    at = replace(there.configuration(), base=(pose.x, pose.y, pose.yaw))
+    return tuple(sorted({one.body for one in there.contacts(at, moving=("base",))}))
 
 
 def _missing(problem: PlanFailure, options: LocateOptions, diagnostics: Iterable[Diagnostic]) -> Located:
@@ -145,7 +178,7 @@ def _resolved(question: _Question, options: LocateOptions, waiting: Waiting) -> 
         question.location, frame = used, _frame(used, question.body, platform)
         search = _bases(question, log) if question.what is None else _things(question, frame, log)
         with waiting(lambda: f"searching for poses, {log.counts.total()} candidates rejected"):
-            poses.extend(islice(search, options.count))
+            poses.extend(replace(one, blocked_by=_runs_into(one, question)) for one in islice(search, options.count))
     except LocationMeaningless:
         raise
     except LocationUnresolvable as problem:

@@ -8,6 +8,7 @@ from typing import Any
 
 from executive.maps import SemanticMap
 from executive.runs.parameters import Bound
+from executive.runs.true_world import TrueWorld
 from planlang.designators import Action, Object, action
 from planlang.diagnostics import BadInput, error
 from planlang.language.budgets import budget
@@ -34,12 +35,14 @@ ACTIONS_BEFORE = "with_actions_before"
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """Subject of a plan: the map, its bodies, the parameters, and what the plan needs."""
+    """Subject of a plan: the map, its bodies, the parameters, what the plan needs, and what is there in truth."""
 
     map: SemanticMap
     scene: Scene
     bound: Mapping[str, Bound]
     needs: Needs
+    there: TrueWorld | None = None
+    """The true world; None if that is as the map."""
 
 
 @dataclass(frozen=True, slots=True)

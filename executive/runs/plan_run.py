@@ -18,7 +18,7 @@ from executive.modules.platform import Platform
 from executive.options.running import RunSettings, header_entries, settings_from_header
 from executive.robots import FindingKind, Missing, Robot, bind_robot, missing_capabilities, trusting_map
 from executive.robots.arms import with_carrying
-from executive.runs.assembly import RobotExecutive, platform_of, real_scene, take, world_at_start
+from executive.runs.assembly import RobotExecutive, platform_of
 from executive.runs.failure import Failure, line_of_user
 from executive.runs.files import RecipeFile
 from executive.runs.options import EndedRun, Outcome, RunOptions, RunResult, Tilts, state_lines
@@ -47,6 +47,7 @@ from executive.runs.plan_files import (
 from executive.runs.prepared import Inputs, RunFiles, prepared, read_environment
 from executive.runs.remedies import able_robots, absent_things, call_of, call_to_ask_why, call_to_pass_on, performing
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256, versions
+from executive.runs.true_world import TrueWorld, take_in_hands, worlds_at_start
 from executive.runs.written import WatchedWorld, Written, bodies_of, still_held
 from planlang.designators import Action, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
@@ -199,7 +200,7 @@ class Run:
         if self._lacks(assessment):  # after the map: another robot would not help
             return self._refuse(assessment.missing)
         options.around(executive)
-        take(platform, truth, held)
+        take_in_hands(platform, truth, held, subject.there, self._stack)
         platform.scene.collisions.prepare()
         first = ActionBefore.read(options.before or (), subject.map, self.plan.name)
         seconds = allowance(self.source, subject.bound, first)
@@ -232,7 +233,9 @@ class Run:
         if has_errors(missing):
             raise BadInput(missing)
         found += missing
-        return Subject(semantic_map, scene, bound, self.source.needs(self._module, self.plan))
+        needs = self.source.needs(self._module, self.plan)
+        there = TrueWorld.read(files, self._recipe, self._inputs, found)
+        return Subject(semantic_map, scene, bound, needs, there)
 
     def _assessment(self, subject: Subject, robot: Robot | None = None) -> Assessment:
         """Assess what the process modules lack for the plan, and the robot if given."""
@@ -272,18 +275,16 @@ class Run:
         self, subject: Subject, robot: Robot, given: tuple[GivenPart, ...] | None, held: Mapping[str, Hold]
     ) -> tuple[Platform, PyBulletWorld]:
         """Make the platform of the robot, with its belief, and the true world, which closes with the run."""
-        options = self.options
-        believed = world_at_start(subject.scene, robot, options.start, self._stack, held)
-        real = real_scene(believed.scene, self.files.seed, believed)
-        real = replace(real, start=believed.scene.start) if robot.base.fixed else real
-        truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=self.files.seed)
+        options, seed = self.options, self.files.seed
+        believed, real = worlds_at_start(subject.scene, subject.there, robot, options.start, seed, held, self._stack)
+        truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=seed)
         self._stack.callback(truth.close)
         platform = platform_of(
             robot,
             subject.map,
             options.interface(truth),
             believed,
-            self.files.seed,
+            seed,
             options.long_work,
             trusts_map=options.trust_map,
             unknown=unknown_things(subject.map, options.unknown or ()),
@@ -318,7 +319,8 @@ class Run:
             "versions": versions(),
         }
         models = None if given is None else [one.iri for one in given]
-        settings = header_entries(options, models=models, modules=self.registry.identity or None)
+        there = None if subject.there is None else subject.there.as_json()
+        settings = header_entries(options, models=models, modules=self.registry.identity or None, world=there)
         infeasible = [alternative.name for alternative, _ in alternatives]
         # a resumed run makes the changes by itself
         applied = [one.as_json() for one in self.files.changes]

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import ctypes
-import json
 import os
 import sys
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
@@ -15,9 +14,10 @@ from executive.maps import SemanticMap, read_map
 from executive.maps.changed import changed_map
 from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
 from executive.options.declaring import check_written, declared, names
-from executive.options.running import RunSettings
+from executive.options.running import LocateOptions, RunSettings
 from executive.runs.files import (
     RecipeFile,
+    WorldFiles,
     accepted,
     check_files,
     check_trusted,
@@ -25,14 +25,15 @@ from executive.runs.files import (
     environments,
     programs,
     read,
+    read_changes,
     refuse,
 )
 from executive.runs.options import RunOptions
 from executive.runs.traces import TraceHeader, header_to_repeat, read_trace
-from planlang.advice import BEFORE, Change, changes_in
-from planlang.diagnostics import BadInput, Diagnostic, Span, WrongOption, error
+from planlang.advice import BEFORE, Change
+from planlang.diagnostics import BadInput, Diagnostic, WrongOption, error
 from planlang.extras import no_recorder
-from planlang.files import Bundled, decode, read_file
+from planlang.files import Bundled
 from planlang.language.source import PlanSource
 from planlang.ontology import load
 from planlang.outputs import Named
@@ -72,6 +73,8 @@ class RunFiles:
     environment: Path | None = None
     additions: tuple[Path, ...] = ()
     """Maps of further things in the environment."""
+    world: WorldFiles | None = None
+    """What is there, if it is not stated by the maps above."""
     seed: int = 0
     recorded: RecordedRun | None = None
     """The run that is resumed, or repeated."""
@@ -93,7 +96,7 @@ def prepared(options: RunOptions) -> RunFiles:
         header = header_to_repeat(recorded)
     elif options.resume is not None:
         recorded, header = read_trace(options.resume)
-    changes = header.changes if options.apply is None else _changes(options.apply)
+    changes = header.changes if options.apply is None else read_changes(options.apply)
     changes = options.changes or changes
     options = _with_options(options, changes)
     file = read(options.recipe if options.recipe is not None else header.plan(_trace_of(options)))
@@ -112,6 +115,7 @@ def prepared(options: RunOptions) -> RunFiles:
         Bundled.ENVIRONMENT, environment, DEFAULT_ENVIRONMENT if is_bundled else None, problems, needs=_NEEDS
     )
     additions = environments(further, problems)
+    world = WorldFiles.named(names(options.world or header.world or ()), problems)
     plan = file.path if isinstance(file, PlanSource) and not file.is_in_memory else None
     recipe = file.path if isinstance(file, RecipeFile) and file.content is None else None
     inputs: dict[Named, Path | None] = {
@@ -119,6 +123,7 @@ def prepared(options: RunOptions) -> RunFiles:
         Option("urdf"): options.urdf,
         Option("robot"): robot,
         Option("environment"): semantic_map,
+        **({} if world is None else {Option("world", one): one for one in world.files}),
     }
     if options.repeated is None:  # a file that shows it afterwards was checked by who asks for it
         problems += _check_outputs(options, inputs)
@@ -139,6 +144,7 @@ def prepared(options: RunOptions) -> RunFiles:
         robot=robot,
         environment=semantic_map,
         additions=additions,
+        world=world,
         seed=header.seed if options.seed is None else options.seed,
         recorded=recorded,
         notes=tuple(notes),
@@ -157,15 +163,6 @@ def _with_options(options: RunOptions, changes: Iterable[Change]) -> RunOptions:
         return replace(options, **values)
     except ValueError as problem:
         raise BadInput([error("C025", f"a change cannot be made: {problem}")]) from None
-
-
-def _changes(file: Path) -> tuple[Change, ...]:
-    """Read what a failed run advises to change. Raises BadInput for another file."""
-    try:
-        return changes_in(json.loads(decode(read_file(file), str(file))))
-    except (ValueError, RecursionError) as problem:
-        advice = Text("write the JSON of a failed run into it: ", Option("json", True))
-        raise BadInput([error("C025", f"no changes to apply: {problem}", Span(str(file)), advice)]) from None
 
 
 def prepared_to_replay(options: RunOptions, header: TraceHeader) -> RunFiles:
@@ -247,14 +244,24 @@ class Inputs:
 
 def read_environment(files: RunFiles, inputs: Inputs, found: list[Diagnostic]) -> SemanticMap:
     """Read the map of a run, and change it if the run is to; problems go to ``found``. Raises BadInput."""
-    options, read = files.options, inputs.once
     assert files.environment is not None
-    ontology = read(load, files.environment, folders=options.folders, also=files.additions)
+    return read_maps((files.environment, *files.additions), files.changes, files.options, inputs, found)
+
+
+def read_maps(
+    maps: tuple[Path, ...],
+    changes: Sequence[Change],
+    options: RunOptions | LocateOptions,
+    inputs: Inputs,
+    found: list[Diagnostic],
+) -> SemanticMap:
+    """Read a map of several files, and change it; problems go to ``found``. Raises BadInput."""
+    read, (first, *further) = inputs.once, maps
+    ontology = read(load, first, folders=options.folders, also=tuple(further))
     semantic_map = read(read_map, ontology, ignore_unread=options.ignore_unread)
-    if files.changes:
-        content = changed_map(semantic_map, (files.environment, *files.additions), files.changes, found).encode()
-        folders = (*options.folders, files.environment.parent)
-        ontology = read(load, files.environment, folders=folders, content=content)
+    if changes:
+        content = changed_map(semantic_map, maps, changes, found).encode()
+        ontology = read(load, first, folders=(*options.folders, first.parent), content=content)
         semantic_map = read(read_map, ontology, ignore_unread=options.ignore_unread)
     found += (*ontology.diagnostics, *semantic_map.diagnostics)
     return semantic_map

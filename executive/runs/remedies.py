@@ -60,6 +60,7 @@ def call_of(files: RunFiles, **instead: Any) -> Call:
         **{
             "robot": None if files.robot is None else _named(files.robot, Bundled.ROBOT),
             "environment": [_named(path, Bundled.ENVIRONMENT) for path in maps],
+            "world": [_named(path, Bundled.ENVIRONMENT) for path in files.world.files] if files.world else None,
             "resume": None,
             "world_as_left": False,
             **instead,

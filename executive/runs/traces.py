@@ -116,6 +116,7 @@ FILES = {
     "robot": ("the robot", "robot"),
     "robot_sha256": ("the robot", "robot"),
     "urdf_sha256": ("the robot's geometry", "urdf"),
+    "world": ("the world", "world"),
 }
 """Keys for files -> what is in them, and the option that names them."""
 
@@ -126,7 +127,7 @@ KNOWLEDGE = "http://planlang.org/kb"
 
 @dataclass(frozen=True, slots=True)
 class TraceHeader:
-    """Header of a trace. Recipe, robot and environment are set only if they are bundled."""
+    """Header of a trace. Recipe, robot, environment and world are set only if they are bundled."""
 
     recipe: str | None = None
     name: str | None = None
@@ -140,6 +141,7 @@ class TraceHeader:
     """Settings for the resumed run, by name."""
     changes: tuple[Change, ...] = ()
     """What was changed in the map, as a failed run had advised."""
+    world: str | None = None
 
     @staticmethod
     def of(recorded: RecordedRun) -> TraceHeader:
@@ -158,18 +160,20 @@ class TraceHeader:
             message = f"the header is damaged: the changes of the map: {problem}"
             raise BadInput([error("X020", message, Span(recorded.name))]) from None
         iri, robot, environment = (_text(header.get(key)) for key in ("iri", "robot", "map"))
-        stem = local_name(environment or "").partition(".")[0]
+        world = header.get("world")
+        there = _bundled_map(world.get("map")) if isinstance(world, dict) and "changes" not in world else None
         return TraceHeader(
             bundled_recipe(header),
             plan,
             iri or plan,
             robot if robot in Bundled.ROBOT.names() else None,
-            stem if stem in Bundled.ENVIRONMENT.names() else None,
+            _bundled_map(environment),
             start,
             seed,
             schedule,
             settings_from_header(header),
             changes,
+            there,
         )
 
     def plan(self, trace: str) -> str:
@@ -180,6 +184,12 @@ class TraceHeader:
             message = f"the plan {self.name} of the trace is not bundled: name its file"
             raise BadInput([error("X020", message, Span(trace), advice)])
         return self.recipe
+
+
+def _bundled_map(iri: object) -> str | None:
+    """Name of the bundled environment with an IRI; None if there is none."""
+    stem = local_name(_text(iri) or "").partition(".")[0]
+    return stem if stem in Bundled.ENVIRONMENT.names() else None
 
 
 def bundled_recipe(header: Mapping[str, Any]) -> str | None:
@@ -329,11 +339,13 @@ def _named_again(key: str, differ: Collection[str], recorded: RecordedRun) -> Te
 def call_to_resume(recorded: RecordedRun, options: object) -> Call:
     """The call that resumes the run of a trace, with the files that ``options`` name; others of its own stay blank."""
     header, own = TraceHeader.of(recorded), dict(stated(options, SituationSettings))
-    digests = recorded.header.get("map_sha256")
+    digests, world = recorded.header.get("map_sha256"), recorded.header.get("world")
     found = {
         "robot": (Bundled.ROBOT, header.robot, [recorded.header.get("robot_sha256")]),
         "environment": (Bundled.ENVIRONMENT, header.environment, digests if isinstance(digests, list) else []),
     }
+    if isinstance(world, dict):
+        found["world"] = Bundled.ENVIRONMENT, header.world, list(world.get("sha256", ()))
     for option, (kind, name, there) in found.items():
         file = None if name is None else kind.find(name)
         if file is None or sha256(file) not in there:

@@ -166,7 +166,9 @@ def _options(files: RunFiles) -> dict[str, Any]:
     maps = [os.fspath(one) for one in (files.environment, *files.additions) if one is not None]
     options = replace(files.options.unseen(), apply=None, resume=None, seed=files.seed)
     given = as_json(options, RunSettings)
-    return {**given, "recipe": os.fspath(plan), "robot": os.fspath(files.robot or ""), "environment": maps}
+    files_of_world = () if files.world is None else files.world.files
+    there = {"world": list(map(os.fspath, files_of_world))} if files_of_world else {}
+    return {**given, "recipe": os.fspath(plan), "robot": os.fspath(files.robot or ""), "environment": maps, **there}
 
 
 def _command(files: RunFiles, found: Candidate, applied: Path | None) -> Call:

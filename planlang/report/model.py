@@ -206,6 +206,9 @@ def _facts(run: Told, end: float) -> dict[str, object]:
         value = header.get(key)
         if value is not None:
             facts[label] = local_name(str(value)).partition(".")[0] if key == "map" else value
+    if isinstance(world := header.get("world"), dict) and "map" in world:
+        there, changes = local_name(str(world["map"])).partition(".")[0], world.get("changes")
+        facts["world"] = f"{there}, changed" if changes else there
     versions = header.get("versions")
     if isinstance(versions, dict) and versions.get("planlang"):
         facts["planlang"] = versions["planlang"]

@@ -84,6 +84,7 @@ INPUTS = {
     "run file": "run {}",
     "run --robot": "run serve_a_drink --robot {}",
     "run --environment": "run serve_a_drink --environment {}",
+    "run --world": "run serve_a_drink --world {}",
     "run --models": "run serve_a_drink --models {}",
     "run --apply": "run serve_a_drink --apply {}",
     "run --set": "run serve_a_drink --set @{}",

@@ -116,7 +116,7 @@ def run_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     """Runs the bundled plan in a truth that differs from the map; its result and its trace."""
 
     def run(change: Callable[[Scene], Scene]) -> tuple[RunResult, list[dict[str, Any]]]:
-        monkeypatch.setattr("executive.runs.plan_run.real_scene", lambda scene, seed, robot_in: change(scene))
+        monkeypatch.setattr("executive.runs.true_world.real_scene", lambda scene, seed, robot_in: change(scene))
         result = run_plan_file(replace(BUNDLED, trace=tmp_path / "run.jsonl"))
         return result, [json.loads(line) for line in (tmp_path / "run.jsonl").read_text().splitlines()]
 

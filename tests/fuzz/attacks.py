@@ -57,6 +57,7 @@ run {plan} --set @bindings.txt --robot amigo --environment room.omn
 run drink.omn --modules stirring.py --trust --robot amigo --environment room.omn
 run drink.omn --resume {trace} --trace out.jsonl --robot amigo --environment room.omn
 run drink.omn --robot amigo --environment {map}
+run drink.omn --robot amigo --environment room.omn --world {map}
 show {plan}
 check {plan}
 check {map}
