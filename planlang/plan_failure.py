@@ -30,12 +30,15 @@ class PlanFailure(Exception):
     The text is ``message`` or, without one, built from the fields. The first construct that the failure passes sets
     ``where``. ``siblings`` are the failures of other branches that ended in the same decision, by branch name;
     ``cleanup_failures`` those of branches that were evaporated because of this failure, also attached as notes.
+    ``afterwards`` are sentences about what the robot did once the failure had ended the plan: where it has put what it
+    held.
     """
 
     message: str = ""
     where: Where | None = field(default=None, init=False)
     siblings: tuple[tuple[str, PlanFailure], ...] = field(default=(), init=False)
     cleanup_failures: tuple[PlanFailure, ...] = field(default=(), init=False)
+    afterwards: tuple[str, ...] = field(default=(), init=False)
 
     text: ClassVar[str] = "the plan failed"
 
@@ -52,7 +55,7 @@ class PlanFailure(Exception):
 
     def details(self) -> dict[str, Any]:
         """Return the fields that have a value, by name, in order of definition."""
-        skipped = {"message", "where", "siblings", "cleanup_failures"}
+        skipped = {"message", "where", "siblings", "cleanup_failures", "afterwards"}
         own = ((f.name, getattr(self, f.name)) for f in fields(self) if f.name not in skipped)
         return {name: value for name, value in own if value not in (None, (), "") and value != {}}
 

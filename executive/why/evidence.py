@@ -38,6 +38,8 @@ OF_HANDS = (HandsFull, HandsLacking)
 """Failures for want of a free hand."""
 PUTTING_DOWN = "SettingAsideAnObject"
 """Class of the action by which a held thing is put down."""
+AT_LAST = "EmptyingTheHands"
+"""Class of the action by which all that is held is put down once the plan has failed."""
 SAME = 100
 """Number of characters at either end by which texts are compared."""
 CONCURRENT = frozenset({"par", "partial_order", "par_each", "try_all", "with_requests"})
@@ -145,12 +147,13 @@ def _succeeded(tree: RunTree) -> int:
 
 
 def _held(tree: RunTree, texts: Sequence[str], *, are_hands_lacking: bool) -> Iterator[tuple[str, str]]:
-    """Yield things in hands, each with the path of the outermost step that failed and began after it was grasped.
+    """Yield things in hands at the failure, each with the path of the outermost failed step that began after its grasp.
 
     A thing that the failure is about is needed in the hand, unless hands are what is lacking.
     """
     grasped: dict[str, int] = {}
-    for one in tree.belief:
+    end = next((node.first for node in tree.numbered.values() if node.action == AT_LAST), None)
+    for one in (one for one in tree.belief if end is None or one.place < end):
         name = str(one.details.get("name"))
         if one.details.get("change") == "grasped":
             grasped.setdefault(name, one.place)

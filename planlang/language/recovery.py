@@ -373,6 +373,7 @@ def explain(failure: BaseException) -> str:
     if not first.startswith(message):
         lines.append(f"  in full: {message}")
     lines.extend(_beside(failure, ""))
+    lines.extend(f"  {sentence}" for sentence in getattr(failure, "afterwards", ()))
     links = [("because of ", link) for link in runs[0][1:]]
     links += [("because of " if number else "after ", link) for run in runs[1:] for number, link in enumerate(run)]
     for depth, (lead, link) in enumerate(links, 1):

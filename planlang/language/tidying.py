@@ -1,8 +1,11 @@
-"""Tidying: doors that are opened only so that the robot gets through are closed again where they were closed.
+"""Tidying: what a plan leaves is as others need it: doors are closed again, and no hand holds anything after a failure.
 
 A recovery that opens a door closes it behind the robot at once, if no later step leads back through it. Otherwise the
 door is owed: after the plan has succeeded, what is still owed is closed, and the robot goes back to where the plan has
 brought it. The plan has reached its goal then: it does not fail because a door stays open.
+
+After a plan has failed, the robot puts down what it still holds, if its ontologies state that for the failure. The
+failure then says where the things are.
 """
 
 from __future__ import annotations
@@ -15,8 +18,10 @@ from typing import TypeVar
 from planlang.action_classes import levels_above
 from planlang.designators import Action, Condition, FixedPose, Object, action
 from planlang.failures import PlanFailure
+from planlang.language.branches import evaporating
 from planlang.language.executive import Executive, executive_for
 from planlang.language.performing import perform
+from planlang.language.recovery import recoveries_are_on
 from planlang.language.remaining import remaining_actions
 
 V = TypeVar("V")
@@ -26,17 +31,37 @@ _owed: ContextVar[dict[Object, None] | None] = ContextVar("doors to close again"
 
 
 async def tidied(body: Callable[[], Awaitable[V]]) -> V:
-    """Run a body; when it has succeeded, close the doors that :func:`passed` has left open in it, if possible."""
-    owed = dict[Object, None]()
+    """Run a body; when it has succeeded, close the doors that :func:`passed` has left open in it, if possible.
+
+    When it has failed, put down what is held, if possible and where recoveries are on; then raise the failure.
+    """
+    owed, failure = dict[Object, None](), None
     token = _owed.set(owed)
     try:
         result = await body()
+    except PlanFailure as raised:
+        failure = raised
     finally:
         _owed.reset(token)
+    if failure is not None:
+        await _put_down(failure)
+        raise failure
     if owed:
         with suppress(PlanFailure):  # the tree of the run has it
             await perform(action("ClosingDoorsAgain", object_acted_on=tuple(owed)))
     return result
+
+
+async def _put_down(failure: PlanFailure) -> None:
+    """Put down what is held after a failure, for which the executive knows whether that is to be done.
+
+    The failure gets a sentence about each thing.
+    """
+    if not recoveries_are_on() or evaporating() or not executive_for("tidied").held():
+        return
+    kinds = tuple(kind.__name__ for kind in type(failure).__mro__ if issubclass(kind, PlanFailure))
+    with suppress(PlanFailure):  # the failure of the plan is the one to report; the tree of the run has this one
+        failure.afterwards = tuple(await perform(action("EmptyingTheHands", after_failure=kinds)) or ())
 
 
 async def passed(door: Object, beyond: FixedPose) -> None:

@@ -291,7 +291,7 @@ def _failure(name: str, inside: Mapping[str, Any]) -> PlanFailure:
         raise ValueError(f"wrong field names for {name}")
     failure = kind.__new__(kind)
     Exception.__init__(failure)
-    failure.siblings, failure.cleanup_failures, failure.where = (), (), None
+    failure.siblings, failure.cleanup_failures, failure.afterwards, failure.where = (), (), (), None
     for field in names:
         setattr(failure, field, load(inside[field]) if field in inside else None)
     return failure

@@ -1,4 +1,4 @@
-"""Process modules that make room: they put a held object down nearby, or back the base off from its work."""
+"""Process modules that make room: they put held objects down nearby, or back the base off from its work."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from executive.belief.scene_collisions import BasePose
 from executive.modules.arm.hand_work import BACK, HandWork
+from executive.modules.platform import PlatformModule
 from executive.modules.runner import Skill
 from executive.robots import CARRYING
 from planlang.designators import Action, Object, a_location, a_posture, action, resting_on
@@ -25,6 +26,8 @@ from planlang.failures import (
 from planlang.kernel import checkpoint
 from planlang.language.performing import perform
 from planlang.language.process_module import process_module
+from planlang.ontology import expand, shorten
+from planlang.recoveries import ASIDE
 
 SUPPORTS = 4
 """Pieces of furniture to try, nearest first."""
@@ -32,11 +35,17 @@ PLACES = 2
 """Base poses to try at each."""
 TRIED = SUPPORTS * PLACES
 """Base poses to try in all."""
+FOR_PEOPLE = "Person-SupportingFurniture"
+"""Class of furniture on which people sit or lie."""
+AT_REST = 0.1
+"""Height above furniture up to which a person counts as sitting or lying on it [m]: maps state outlines of people."""
+BEFORE_GIVING_UP, PUT_DOWN = "beforeGivingUp", "PutDownWhatIsHeld"
+"""Property of a failure in ontologies, and the value with which the hands are emptied after it."""
 
 
 @process_module
 class SettingAside(HandWork):
-    """Puts a held object down on furniture near the robot and leaves it.
+    """Puts a held object down on furniture near the robot, on which nobody sits or lies, and leaves it.
 
     With ``by_another_grip``, the current grip is ruled out for the next grasp of the object. It is put where it is in
     no way of a door or drawer, and of a hand at its handle, that is stated as ``out_of_the_way_of``.
@@ -85,12 +94,14 @@ class SettingAside(HandWork):
         return (await Skill(self._supports, put, failures=failures, most=SUPPORTS, otherwise=no_place).run()).name
 
     def _supports(self) -> Iterator[Object]:
-        """Yield furniture on which to put things down, nearest first."""
+        """Yield furniture on which to put things down, nearest first; at last what is made for people."""
         bodies, (x, y) = self.platform.scene.bodies, self.platform.base()[:2]
         things = {thing.name for thing in self.platform.belief.things}  # leaves out obstacles known only by touch
         names = [name for name in bodies.names() if name in things and self._is_support(name)]
-        nearest = sorted(names, key=lambda one: (bodies.block(one).away(np.array([x, y, 0.0])), one))[:SUPPORTS]
-        yield from map(bodies.designator, nearest)
+        here, belief = np.array([x, y, 0.0]), self.platform.belief
+        seats = {thing.name for thing in belief.things if belief.is_a(thing, FOR_PEOPLE)}
+        ordered = sorted(names, key=lambda one: (one in seats, bodies.block(one).away(here), one))
+        yield from map(bodies.designator, ordered[:SUPPORTS])
 
     def _places(self) -> Iterator[tuple[Object, BasePose]]:
         """Yield furniture with base poses from which to reach it, nearest furniture first."""
@@ -103,7 +114,19 @@ class SettingAside(HandWork):
     def _is_support(self, name: str) -> bool:
         bodies = self.platform.scene.bodies
         is_other = bodies.is_graspable(name) or bodies.is_person(name) or bodies.is_room(name)
-        return not is_other and bodies.rests_at(name) is not None
+        return not is_other and bodies.rests_at(name) is not None and not self._is_taken(name)
+
+    def _is_taken(self, name: str) -> bool:
+        """Check whether a person sits or lies on a piece of furniture, or stands where it is."""
+        bodies = self.platform.scene.bodies
+        furniture = bodies.block(name)
+        people = (bodies.block(one) for one in bodies.names() if bodies.is_person(one))
+        return any(
+            one.low <= furniture.high + AT_REST
+            and furniture.distance(one.centre[None, :2])[0] <= 0.0
+            and one.high > furniture.high
+            for one in people
+        )
 
     async def _lower(self, what: Object, place: tuple[Object, BasePose]) -> Object:
         """Put an object down on furniture, and return that."""
@@ -116,6 +139,51 @@ class SettingAside(HandWork):
         with suppress(ManipulationFailure, DesignatorFailure):
             await perform(action("Reaching", to_location=a_location(in_front_of=what)))
             await perform(action("Reaching", to_location=a_posture(CARRYING)))
+
+
+@process_module
+class EmptyingTheHands(PlatformModule):
+    """Puts down all that the hands hold after a plan has failed, where it is in no way of a door or drawer.
+
+    Ontologies state by ``beforeGivingUp`` after which failures.
+    """
+
+    name = "emptying_the_hands"
+    actions = ("EmptyingTheHands",)
+    failures = ()
+
+    def resources(self, action: Action) -> tuple[str, ...]:
+        """Return the whole robot."""
+        return self.whole_robot()
+
+    async def execute(self, request: Action) -> tuple[str, ...]:
+        """Put things down if a class of ``after_failure``, nearest first, says so; return a sentence about each.
+
+        What cannot be put down stays in the hand.
+        """
+        await checkpoint()
+        if not self._is_stated(request.get("after_failure")):
+            return ()
+        bodies, joints = self.platform.scene.bodies, self.platform.belief.joints
+        leaves = tuple(bodies.designator(leaf) for leaf, joint in joints.items() if not joint.is_knob)
+        told = []
+        for name in tuple(self.platform.belief.held):
+            try:
+                aside = action(ASIDE, object_acted_on=bodies.designator(name), out_of_the_way_of=leaves)
+                support = await perform(aside)
+                told.append(f"{name} was put down on {support}")
+            except PlanFailure as failure:
+                told.append(f"{name} stays in the hand, as it could not be put down: {failure}")
+        return tuple(told)
+
+    def _is_stated(self, kinds: object) -> bool:
+        """Check whether ontologies say of the nearest class of a failure of which they say anything, to put down."""
+        ontology = self.platform.belief.map.ontology
+        for kind in kinds if isinstance(kinds, tuple) else ():
+            stated = ontology.values(expand(str(kind)), BEFORE_GIVING_UP)
+            if stated:
+                return any(shorten(str(one)) == PUT_DOWN for one in stated)
+        return False
 
 
 @process_module

@@ -8,10 +8,11 @@ from typing import Any
 import pytest
 from loaded_plans import read
 
-from planlang import Recovery, open_what_is_in_the_way, perform, with_failure_handling
+from planlang import Recovery, explain, open_what_is_in_the_way, perform, with_failure_handling
 from planlang.designators import Condition, FixedPose, Object, action, an_object
 from planlang.failures import BehindClosedDoor, ContainerStuck, ObjectUnreachable, PlanFailure
 from planlang.language.loading import load_plan
+from planlang.language.recovery import without_recoveries
 from planlang.language.tidying import tidied
 from planlang.testing import Script, run_plan
 
@@ -107,3 +108,50 @@ def test_a_failed_plan_closes_no_door() -> None:
     run = run_plan(fetching(ONE), script=script(ONE).on("ClosingAGripper", fails=ContainerStuck))
     assert isinstance(run.failure, ContainerStuck)
     assert run.attempts(AGAIN) == 0
+
+
+def held_at_last(failure: PlanFailure) -> Callable[[], Awaitable[Any]]:
+    """A plan that fails with a cup in its hand."""
+
+    async def plan() -> None:
+        await perform(action("ClosingAGripper", object_acted_on=CUP))
+        raise failure
+
+    return lambda: tidied(plan)
+
+
+EMPTYING = "EmptyingTheHands"
+
+
+def test_what_is_held_when_a_plan_has_failed_is_put_down_and_the_failure_says_where() -> None:
+    failure = ObjectUnreachable(what="cup1")
+    put = "cup1 was put down on table1"
+    run = run_plan(held_at_last(failure), script=Script().performs(EMPTYING).on(EMPTYING, returns=(put,)))
+    assert run.failure is failure
+    assert failure.afterwards == (put,)
+    assert put in explain(failure)
+
+
+def test_a_failure_to_put_down_what_is_held_does_not_replace_that_of_the_plan() -> None:
+    failure = ObjectUnreachable(what="cup1")
+    run = run_plan(held_at_last(failure), script=Script().performs(EMPTYING).on(EMPTYING, fails=ContainerStuck))
+    assert run.failure is failure
+    assert run.attempts(EMPTYING) == 1
+
+
+def test_empty_hands_put_nothing_down_after_a_failure() -> None:
+    async def plan() -> None:
+        raise ObjectUnreachable
+
+    run = run_plan(lambda: tidied(plan), script=Script().performs(EMPTYING))
+    assert isinstance(run.failure, ObjectUnreachable)
+    assert run.attempts(EMPTYING) == 0
+
+
+def test_a_plan_without_recoveries_ends_with_what_it_holds() -> None:
+    async def bare() -> None:
+        with without_recoveries():
+            await held_at_last(ObjectUnreachable())()
+
+    run = run_plan(bare, script=Script().performs(EMPTYING))
+    assert run.attempts(EMPTYING) == 0

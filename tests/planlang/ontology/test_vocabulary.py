@@ -201,6 +201,7 @@ def test_every_primitive_names_a_class_a_module_and_a_resource(vocabulary: Ontol
         "CheckingWhetherConditionObtains",
         "SteppingBack",
         "ClosingDoorsAgain",
+        "EmptyingTheHands",
         "EnvironmentExploration",
         "ITaSCMotion",
         "CirclingMotion",
