@@ -21,7 +21,7 @@ from executive.runs.prepared import RunFiles, prepared
 from executive.sweeps import Row, World, run
 from executive.sweeps.comparison import Comparison
 from executive.sweeps.installations import check_options, installation
-from executive.sweeps.records import LIMITS, READS_RUN, Done, of_variant
+from executive.sweeps.records import LIMITS, READS_RUN, RUNS, Done, of_variant
 from executive.sweeps.results import check_results, page_file, pages_of, write_results
 from executive.sweeps.variants import Variant, variants_of
 from planlang.diagnostics import BadInput, Diagnostic, warning
@@ -29,7 +29,6 @@ from planlang.language.source import PlanSource
 from planlang.shell import quoted
 from planlang.words import COMMAND_LINE, Blank, Option, Text, calling
 
-JOB = "executive.commands.swept_world:ended"
 _WALL_PER_CPU = 5.0
 """Wall-clock limit of a world in multiples of its CPU limit: other programs may use the cores, too."""
 
@@ -58,7 +57,7 @@ def swept(
     announce([*dict.fromkeys(one for part in parts for one in part.files.notes), *_other_worlds(parts)])
     rows = run(
         [part.world(seed) for seed in seeds for part in parts],
-        JOB,
+        RUNS,
         options.on,
         processes=options.processes,
         limits=replace(

@@ -8,10 +8,12 @@ process and the loop of a worker.
 from __future__ import annotations
 
 import ctypes
+import fcntl
 import gc
 import os
 import pickle
 import resource
+import select
 import signal
 import socket
 import struct
@@ -191,11 +193,14 @@ class Worker:
         """Configure the worker, which is forked by the first call; ``limits`` apply to each call."""
         self._source, self._limits = source, limits.within_shell()
         self._connection: socket.socket | None = None
+        self._is_stopped = False
 
     def call(self, function: Callable[..., object], *arguments: object) -> Reply:
         """Call a module-level function in the worker; if that dies within the limits, try once more in a new one."""
         reply = Reply(Ending.LOST)
         for _ in range(ATTEMPTS):
+            if self._is_stopped:
+                break
             try:
                 with suppress(ConnectionError):  # the source has just ended
                     reply = self._try(function, arguments)
@@ -210,6 +215,8 @@ class Worker:
         if self._connection is None:
             self._connection = self._source.connect(self._limits)
             self._stream = self._connection.makefile("rwb")
+            if self._is_stopped:  # meanwhile
+                return Reply(Ending.LOST)
         began, limits = time.monotonic(), self._limits
         try:
             pickle.dump((function, arguments), self._stream)
@@ -219,6 +226,16 @@ class Worker:
             longest = min(limits.seconds, limits.wall or limits.seconds)  # of CPU time it takes as long by the clock
             return Reply(Ending.LATE if time.monotonic() - began >= longest else Ending.LOST)
         return reply
+
+    def stop(self) -> None:
+        """End the process for good, and the call that it may be in, from any thread: the call is lost.
+
+        On Linux it ends at once, elsewhere after its current call.
+        """
+        self._is_stopped = True
+        if (connection := self._connection) is not None:
+            with suppress(OSError):  # it has just ended
+                connection.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
         """Close the connection, so that the worker ends after its current call."""
@@ -260,7 +277,7 @@ def fork_workers(prepare: str, *arguments: str) -> None:
             control.close()
             os.close(0)
             with suppress(ConnectionError), connection.makefile("rwb") as stream:  # unless the caller was killed
-                _work(stream, performs, limits)
+                _work(connection, stream, performs, limits)
             os._exit(0)
         connection.close()
 
@@ -273,7 +290,18 @@ def _end_with(source: int) -> None:
         os._exit(0)
 
 
-def _work(stream: BufferedRWPair[Any, Any], performs: Performs, limits: Limits) -> None:
+def _end_with_caller(connection: socket.socket, *, ends: bool) -> None:
+    """Let the kernel end this worker when its caller hangs up, by the signal of a socket on which something happens."""
+    if not sys.platform.startswith("linux"):  # where the default action of that signal differs
+        return
+    fcntl.fcntl(connection, fcntl.F_SETOWN, os.getpid())
+    flags = fcntl.fcntl(connection, fcntl.F_GETFL)
+    fcntl.fcntl(connection, fcntl.F_SETFL, flags | os.O_ASYNC if ends else flags & ~os.O_ASYNC)
+    if ends and select.select([connection], [], [], 0)[0]:  # it has hung up already
+        os._exit(0)
+
+
+def _work(connection: socket.socket, stream: BufferedRWPair[Any, Any], performs: Performs, limits: Limits) -> None:
     """Answer pickled calls (function, arguments) until the connection is closed."""
     size, used, most = used_address_space(), 0.0, inherited(resource.RLIMIT_CPU)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -284,7 +312,9 @@ def _work(stream: BufferedRWPair[Any, Any], performs: Performs, limits: Limits) 
         except EOFError:
             return
         _limit_time(limits, most)
+        _end_with_caller(connection, ends=True)
         ending, answer = _call(performs, function, arguments)
+        _end_with_caller(connection, ends=False)
         signal.setitimer(signal.ITIMER_REAL, 0)
         before, used = used, _cpu_time()
         # its state is unreliable, or the shell's limit near: the next call gets a new worker

@@ -261,7 +261,8 @@ def read_maps(
     semantic_map = read(read_map, ontology, ignore_unread=options.ignore_unread)
     if changes:
         content = changed_map(semantic_map, maps, changes, found).encode()
-        ontology = read(load, first, folders=(*options.folders, first.parent), content=content)
-        semantic_map = read(read_map, ontology, ignore_unread=options.ignore_unread)
+        folders = (*options.folders, first.parent)
+        ontology = load(first, folders=folders, content=content)  # which no other run has
+        semantic_map = read_map(ontology, ignore_unread=options.ignore_unread)
     found += (*ontology.diagnostics, *semantic_map.diagnostics)
     return semantic_map

@@ -11,7 +11,7 @@ import asyncio
 import pickle
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Coroutine, Iterator, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import version
@@ -90,7 +90,10 @@ class Dispatcher:
         self._total = len(worlds)
 
     async def run(self, address: str) -> None:
-        """Run all worlds on the cluster of the scheduler at an address. Raises BadInput if it is lost for too long."""
+        """Run all worlds on the cluster of the scheduler at an address. Raises BadInput if it is lost for too long.
+
+        If worlds still run in the end, their processes end; else these wait for the next batch, until :func:`forget`.
+        """
         self._address = address
         timeout = min(CONNECTED_WITHIN, max(self._task.cluster_wait, 0.1))
         with quiet():
@@ -357,18 +360,40 @@ class Dispatcher:
         raise BadInput([error("C036", message, help=self._task.resume)])
 
     async def _leave(self, client: Client) -> None:
-        """End the processes of the sweep on all workers, and disconnect."""
-        with suppress(Exception):
-            async with asyncio.timeout(CLOSED_WITHIN):
-                if client.status == "running" and self._places:
-                    await client.run(cluster_worker.forget, self._setup.token, workers=list(self._places))
-        with suppress(Exception):
-            async with asyncio.timeout(CLOSED_WITHIN):
-                await client.close()
+        """End the processes of worlds that run, and disconnect."""
+        running = [one.address for one in self._places.values() if one.running]
+        if running and client.status == "running":
+            await _forgotten(client, self._setup.token, running)
+        await _closed(client)
         works = list(self._works)
         for one in works:
             one.cancel()
         await asyncio.gather(*works, return_exceptions=True)
+
+
+async def forget(address: str, tokens: Iterable[str]) -> None:
+    """End the processes of sweeps on all workers of a scheduler, if it is there."""
+    with quiet(), suppress(Exception):
+        client = _client(address, CONNECTED_WITHIN)
+        try:
+            async with asyncio.timeout(CONNECTED_WITHIN):
+                await client
+            for token in tokens:
+                await _forgotten(client, token)
+        finally:
+            await _closed(client)
+
+
+async def _forgotten(client: Client, token: str, workers: Sequence[str] | None = None) -> None:
+    with suppress(Exception):
+        async with asyncio.timeout(CLOSED_WITHIN):
+            await client.run(cluster_worker.forget, token, workers=workers)
+
+
+async def _closed(client: Client) -> None:
+    with suppress(Exception):
+        async with asyncio.timeout(CLOSED_WITHIN):
+            await client.close()
 
 
 def _number(worlds: Sequence[object] | dict[Any, Any]) -> str:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
 from executive.processes.workers import Limits
 from planlang.diagnostics import BadInput
@@ -27,12 +28,12 @@ Row = dict[str, Any]
 without reaching its goal), ``failure`` (class of the failure, then of its causes), ``message``, and ``duration`` [s of
 plan time].
 """
-READS_RUN = "executive.runs.assembled:read_files"
-"""What reads the files of a world whose job is a run (:attr:`Task.reads`): by name, as only its process imports it."""
+RUNS, READS_RUN = "executive.sweeps.world_run:ended", "executive.runs.assembled:read_files"
+"""The job that runs a plan, and what reads its files (:attr:`Task.reads`): by name, as only processes import them."""
 LONGEST_MESSAGE = 2000
 """Maximum length of a message in a row [characters]."""
-CRASHED = "crashed"
-"""Outcome of a world whose job raised an exception, crashed or exceeded its limits."""
+CRASHED, REFUSED = "crashed", "refused"
+"""Outcomes of a world whose job raised an exception, crashed or exceeded its limits, or could not begin with changes."""
 
 LIMITS = Limits(seconds=120, memory=2_000_000_000, wall=600.0)
 """Limits of one world."""
@@ -61,8 +62,9 @@ class Task:
 
     job: str
     """Importable function, ``module:function``."""
-    limits: Limits
-    processes: int
+    limits: Limits = LIMITS
+    processes: int | None = None
+    """Worlds at a time on this machine; None: as many as cores."""
     on: str = "local"
     """``local``, ``dask``, or the address of a scheduler of dask.distributed."""
     cluster_wait: float = CLUSTER_WAIT
@@ -74,9 +76,25 @@ class Task:
     say: Callable[[str], object] = lambda line: None
     """Gets sentences on what happens to a cluster."""
 
+    @property
+    def slots(self) -> int:
+        """Number of worlds at a time on this machine."""
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return self.processes or cores
 
-Backend = Callable[[Sequence[World], Task], AbstractContextManager[Iterator[Done]]]
-"""Runs a task in all worlds and yields the results in any order; stops unfinished worlds when it is closed."""
+
+class Workers(Protocol):
+    """Workers of a task, which keep what they have read from one batch of worlds to the next."""
+
+    def done(self, worlds: Sequence[World]) -> AbstractContextManager[Iterator[Done]]:
+        """Run the task in worlds and yield the results in any order; stops unfinished worlds when it is closed.
+
+        BadInput raised by the job ends the batch.
+        """
+
+
+Backend = Callable[[Task], AbstractContextManager[Workers]]
+"""Starts workers, and ends them when it is closed."""
 
 
 def columns_of(world: World) -> Row:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from executive.options.engines import LOCAL, engine
 from executive.processes.workers import Limits
 from executive.sweeps import local
 from executive.sweeps.files import SweepFile, header_of
-from executive.sweeps.records import CLUSTER_WAIT, LIMITS, Backend, Done, Row, Task, World
+from executive.sweeps.records import CLUSTER_WAIT, LIMITS, Backend, Done, Row, Task, Workers, World
 from planlang.diagnostics import BadInput, WrongOption
 from planlang.extras import no_cluster
 from planlang.words import Option, Text
@@ -63,19 +62,9 @@ def run(
         raise ValueError("two worlds have the same key")
     part, parts = shard
     own = [world for index, world in enumerate(worlds) if index // together % parts == part - 1]
-    task = Task(
-        job=job,
-        limits=limits,
-        processes=processes or available_cores(),
-        on=on,
-        cluster_wait=cluster_wait,
-        reads=reads,
-        resume=resume,
-        say=say,
-    )
-    backend = backend_of(on)
-    if backend is not local.worlds_done and any("python" in world for world in worlds):
+    if engine(on) != LOCAL and any("python" in world for world in worlds):
         raise WrongOption(Option("python"), " needs ", Option("on", LOCAL), ": workers of a cluster have one planlang")
+    backend_of(on)  # a wrong one raises before the file is begun
     with ExitStack() as stack:
         rows: dict[Any, Row] = {}
         file = None
@@ -85,7 +74,18 @@ def run(
         resumed(list(rows.values()))
         missing = [world for world in own if world["world"] not in rows]
         if missing:
-            for done in stack.enter_context(backend(missing, task)):
+            task = Task(
+                job=job,
+                limits=limits,
+                processes=processes,
+                on=on,
+                cluster_wait=cluster_wait,
+                reads=reads,
+                resume=resume,
+                say=say,
+            )
+            used = stack.enter_context(workers(task))
+            for done in stack.enter_context(used.done(missing)):
                 rows[done.row["world"]] = done.row
                 if file is not None:
                     file.append(done.row)
@@ -96,17 +96,17 @@ def run(
     return ordered
 
 
+def workers(task: Task) -> AbstractContextManager[Workers]:
+    """Start workers for a task, which end when this is closed. Raises BadInput as :func:`run` does."""
+    return backend_of(task.on)(task)
+
+
 def backend_of(on: str) -> Backend:
     """Return the backend of an engine. Raises BadInput if it is unknown, or if its package is missing."""
     if engine(on) == LOCAL:
-        return local.worlds_done
+        return local.workers
     if problems := no_cluster():
         raise BadInput(problems)
     module = import_module("executive.sweeps.cluster")  # of distributed, an extra that takes half a second to import
-    backend: Backend = module.worlds_done
+    backend: Backend = module.workers
     return backend
-
-
-def available_cores() -> int:
-    """Number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

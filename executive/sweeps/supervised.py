@@ -79,13 +79,27 @@ class Slot:
     def __init__(self, source_for: Callable[[World], Source], job: str, limits: Limits) -> None:
         self._source_for, self._job, self._limits = source_for, job, limits
         self._workers: dict[tuple[str, str], Worker] = {}
+        self._lock = threading.Lock()
+        self._current: Worker | None = None
+        self._is_stopped = False
 
     def done(self, world: World) -> Done:
         """Run the job in a world and return its row. Raises BadInput if the job did."""
         key = world.get("python", ""), world.get("programs", "")
         if key not in self._workers:
             self._workers[key] = Worker(self._source_for(world), self._limits)
-        return _done(world, self._workers[key].call(do, self._job, dict(world)), self._limits)
+        with self._lock:
+            self._current = self._workers[key]
+            if self._is_stopped:
+                self._current.stop()
+        return _done(world, self._current.call(do, self._job, dict(world)), self._limits)
+
+    def stop(self) -> None:
+        """End the process of the world that runs, whose row means nothing then, and run no further one. Thread-safe."""
+        with self._lock:
+            self._is_stopped = True
+            if self._current is not None:
+                self._current.stop()
 
     def close(self) -> None:
         """End the processes after their current world."""

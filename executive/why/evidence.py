@@ -8,6 +8,7 @@ from typing import Any
 
 from executive.locations.demands import LocationMeaningless
 from executive.locations.rejections import NO_HOLD
+from executive.runs.options import RunResult
 from executive.runs.plan_body import ACTIONS_BEFORE
 from planlang.advice import Change
 from planlang.failures import (
@@ -119,6 +120,11 @@ class Evidence:
         """Return it as JSON, for the row of a rerun."""
         own = {name: getattr(self, name) for name in Evidence.__slots__}
         return {**own, "advised": [[one.as_json() for one in changes] for changes in self.advised]}
+
+    @staticmethod
+    def in_row(result: RunResult) -> dict[str, Any]:
+        """The entry of the row of a rerun from which :meth:`from_json` reads what is known of its failure."""
+        return {"evidence": None if result.failure is None else Evidence.of(result.trace).as_json()}
 
     def is_past(self, other: Evidence) -> bool:
         """Check whether this run did more steps than another, or as many and failed elsewhere."""

@@ -23,11 +23,13 @@ from executive.runs.plan_run import Run
 from executive.runs.prepared import RunFiles, prepared
 from executive.runs.remedies import call_of
 from executive.runs.traces import call_to_resume, header_to_repeat, recorded_run
-from executive.sweeps import Row
+from executive.sweeps import Row, workers
+from executive.sweeps.records import READS_RUN, RUNS, Task
 from executive.why.both_runs import write_both
 from executive.why.candidates import Candidate, Situation, kinds_of
 from executive.why.evidence import Evidence
-from executive.why.searching import Reruns, search
+from executive.why.reruns import Reruns
+from executive.why.searching import search
 from executive.why.wording import clause_of
 from planlang.advice import ATTEMPTS, BEFORE, ROBOT
 from planlang.diagnostics import BadInput, Span, error
@@ -83,8 +85,8 @@ def explained(
 ) -> Explanation:
     """Explain a recorded run, as :func:`why` does; the changes are written to ``applied``, both runs to ``report``.
 
-    The ``engine`` of the reruns are options of :func:`executive.sweeps.run`: ``on``, ``processes``, ``cluster_wait``,
-    ``resume``.
+    The ``engine`` of the reruns are entries of :class:`executive.sweeps.records.Task`: ``on``, ``processes``,
+    ``cluster_wait``, ``resume``.
     """
     header_to_repeat(recorded)  # raises for a trace of an older schema
     if recorded.outcome == "succeeded":
@@ -100,14 +102,15 @@ def explained(
         found = tuple(one for one in run.found if one.code == "X025")
     situation = _situation(subject, robot, files, evidence)
     files = _with_short_start(files)
-    reruns = Reruns(
-        _options(files),
-        base=files.changes,
-        budget=budget or WhyOptions.budget,
-        engine={"say": told, **engine},
-        told=lambda one, row, number: told(_line(one, row, number, situation)),
-    )
-    result = search(situation, reruns)
+    with workers(Task(job=RUNS, reads=READS_RUN, say=told, **engine)) as used:
+        reruns = Reruns(
+            _options(files),
+            used,
+            base=files.changes,
+            budget=budget or WhyOptions.budget,
+            told=lambda one, row, number: told(_line(one, row, number, situation)),
+        )
+        result = search(situation, reruns)
     failure = evidence.sentence
     tried = kinds_of([one.candidate for one in result.tried])
     if result.found is None:

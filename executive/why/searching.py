@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
-from typing import Any
 
-from executive.sweeps import Row, World, run
-from executive.sweeps.records import LIMITS, READS_RUN, Done, is_reached
 from executive.why.candidates import Candidate, Situation, advised, can_be_joined, cheaper, followed, pair, singles
-from executive.why.evidence import Evidence
-from executive.why.rerun import JOB
+from executive.why.reruns import Reruns, Tried
 from planlang.advice import ROBOT, Change
 from planlang.records import dataclass
 
@@ -20,21 +15,6 @@ MOST_LINKS = 3
 """How often what a rerun advises is added to what was advised before."""
 MOST_CHEAPER = 4
 """How many single changes are tried, one of each kind, that cost less than what was advised and helps."""
-Told = Callable[[Candidate, Row, int], object]
-
-
-@dataclass(frozen=True, slots=True)
-class Tried:
-    """A candidate that was rerun, and its row."""
-
-    candidate: Candidate
-    row: Row
-
-    @property
-    def evidence(self) -> Evidence | None:
-        """What is known of its failure; None if it has none, or the run did not begin or end."""
-        stated = self.row.get("evidence")
-        return None if stated is None else Evidence.from_json(stated)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,72 +26,6 @@ class Search:
     """What the budget did not suffice for."""
     found: Candidate | None = None
     """The candidate after which the goal is reached; None if there is none among those tried."""
-
-
-class _Found(Exception):
-    """The first candidate that helps is known: all before it did not."""
-
-
-class Reruns:
-    """Reruns candidates in workers, in the order of the list, and stops after the first that helps."""
-
-    def __init__(
-        self,
-        options: Mapping[str, Any],
-        *,
-        base: Sequence[Change] = (),
-        budget: int,
-        engine: Mapping[str, Any],
-        told: Told,
-    ) -> None:
-        """``options`` are those of the run, as JSON, ``base`` the changes that it was made with.
-
-        ``engine`` says where they run (options of :func:`executive.sweeps.run`); ``told`` gets each
-        that counts, in their order, and its number.
-        """
-        self._options, self._base, self._budget, self._engine, self._told = options, base, budget, engine, told
-        self.tried: list[Tried] = []
-
-    @property
-    def left(self) -> int:
-        """Number of reruns that are left."""
-        return self._budget - len(self.tried)
-
-    def of(self, candidates: Sequence[Candidate]) -> Candidate | None:
-        """Rerun candidates until one helps or the budget is used up; return the one that helps.
-
-        Which one does not depend on the number of processes: it is the first in the order of the list.
-        """
-        chosen, before = candidates[: self.left], len(self.tried)
-        rows: dict[int, Row] = {}
-        helping: int | None = None
-
-        def known(done: Done) -> None:
-            nonlocal helping
-            rows[done.row["world"]] = done.row
-            while helping is None and (number := len(self.tried) - before) in rows:  # in order, whichever ends first
-                self.tried.append(Tried(chosen[number], rows[number]))
-                self._told(chosen[number], rows[number], len(self.tried))
-                helping = number if is_reached(rows[number]) else None
-            if helping is not None:
-                raise _Found
-
-        if chosen:
-            worlds: list[World] = [
-                {"world": number, "options": self.options_of(candidate), "changes": self._changes(candidate)}
-                for number, candidate in enumerate(chosen)
-            ]
-            with suppress(_Found):
-                run(worlds, JOB, limits=LIMITS, told=known, reads=READS_RUN, **self._engine)
-        return None if helping is None else chosen[helping]
-
-    def options_of(self, candidate: Candidate) -> dict[str, Any]:
-        """Options of a rerun, as JSON; another robot starts where it has room."""
-        is_other = any(change.what == ROBOT for change in candidate.changes)
-        return {name: value for name, value in self._options.items() if not (is_other and name in ("start", "urdf"))}
-
-    def _changes(self, candidate: Candidate) -> list[dict[str, Any]]:
-        return [one.as_json() for one in (*self._base, *candidate.changes)]
 
 
 def search(situation: Situation, reruns: Reruns) -> Search:

@@ -13,7 +13,7 @@ from click.testing import CliRunner, Result
 import planlang
 from executive.cli import app as cli
 from executive.cli.sweep import Counts
-from executive.commands.swept_world import ended
+from executive.sweeps.world_run import ended
 from executive.sweeps.files import read_sweep
 from executive.sweeps.records import Done
 from tests.support.refusals import refusal

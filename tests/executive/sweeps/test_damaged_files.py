@@ -14,7 +14,7 @@ from executive.cli.app import app
 HEADER: dict[str, Any] = {
     "sweep": "written by planlang",
     "version": "0.1.0",
-    "job": "executive.commands.swept_world:ended",
+    "job": "executive.sweeps.world_run:ended",
     "about": {"arguments": "serve_a_drink"},
     "shard": [1, 1],
     "worlds_sha256": "0" * 64,
