@@ -21,7 +21,8 @@ from executive.runs.prepared import RunFiles, prepared
 from executive.sweeps import Row, World, run
 from executive.sweeps.comparison import Comparison
 from executive.sweeps.installations import check_options, installation
-from executive.sweeps.records import LIMITS, READS_RUN, RUNS, Done, of_variant
+from executive.sweeps.jobs import READS_RUN, RUNS
+from executive.sweeps.records import LIMITS, Done, of_variant
 from executive.sweeps.results import check_results, page_file, pages_of, write_results
 from executive.sweeps.variants import Variant, variants_of
 from planlang.diagnostics import BadInput, Diagnostic, warning

@@ -28,12 +28,10 @@ Row = dict[str, Any]
 without reaching its goal), ``failure`` (class of the failure, then of its causes), ``message``, and ``duration`` [s of
 plan time].
 """
-RUNS, READS_RUN = "executive.sweeps.world_run:ended", "executive.runs.assembled:read_files"
-"""The job that runs a plan, and what reads its files (:attr:`Task.reads`): by name, as only processes import them."""
 LONGEST_MESSAGE = 2000
 """Maximum length of a message in a row [characters]."""
 CRASHED, REFUSED = "crashed", "refused"
-"""Outcomes of a world whose job raised an exception, crashed or exceeded its limits, or could not begin with changes."""
+"""Outcomes of a world whose job did not end (exception, crash, limits), and of one that cannot begin with changes."""
 
 LIMITS = Limits(seconds=120, memory=2_000_000_000, wall=600.0)
 """Limits of one world."""

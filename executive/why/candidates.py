@@ -14,8 +14,8 @@ from executive.maps.single_changes import leaf_moved, option_set, things_away, t
 from executive.maps.supports import FLOOR, Standing
 from executive.why.costs import cost_of
 from executive.why.evidence import PUTTING_DOWN, Evidence
-from executive.why.free_places import is_at_rest, is_free, is_in
-from planlang.advice import ARM, ATTEMPTS, BEFORE, GRASP, ROBOT, SCHEDULE, TRANSLATION, Change
+from executive.why.free_places import is_at_rest, is_free, is_in, poses_after
+from planlang.advice import ARM, ATTEMPTS, BEFORE, GRASP, ROBOT, SCHEDULE, Change
 from planlang.designators import GRASPS
 from planlang.geometry import Pose
 from planlang.records import dataclass
@@ -88,12 +88,7 @@ def advised(situation: Situation) -> list[Candidate]:
 
 def _are_at_rest(changes: Sequence[Change], scene: Scene, standing: Standing) -> bool:
     """Check whether all things that changes move are at rest there."""
-    poses = {}
-    for change in changes:
-        if change.what == TRANSLATION and isinstance(change.value, tuple):
-            x, y, z = map(float, change.value)
-            name = str(change.thing)
-            poses[name] = replace(scene.body(name).pose, position=(x, y, z))
+    poses = poses_after(changes, scene)
     return all(is_at_rest(scene, poses, name, standing) for name in poses)
 
 
@@ -133,35 +128,6 @@ def _hardly_touches(kind: str, evidence: Evidence) -> bool:
     if not evidence.is_of_places:
         return kind not in ("order", "robot", PUT_DOWN)
     return kind in (ARM, GRASP, ATTEMPTS) and evidence.is_of_search  # which tried all, and would find the same again
-
-
-def pair(one: Candidate, other: Candidate) -> Candidate:
-    """Join two candidates."""
-    smaller = tuple(pair(one, less) for less in other.smaller)
-    return Candidate((*one.changes, *other.changes), "pair", one.cost + other.cost, smaller, (one, other))
-
-
-def followed(one: Candidate, other: Candidate, scene: Scene) -> Candidate:
-    """Join a candidate with what its rerun advises, which stands for what says something else of the same."""
-    if can_be_joined(one, other):
-        return pair(one, other)
-    about = set(map(_about, other.changes))
-    kept = tuple(change for change in one.changes if _about(change) not in about)
-    changes = (*kept, *other.changes)
-    return Candidate(changes, "pair" if kept else other.kind, cost_of(changes, scene), parts=(other,) if kept else ())
-
-
-def can_be_joined(one: Candidate, other: Candidate) -> bool:
-    """Check whether no change of one says something else of what a change of the other is about."""
-    about = set(map(_about, one.changes))
-    return not any(_about(change) in about for change in other.changes)
-
-
-def _about(change: Change) -> tuple[object, ...]:
-    """What a change is about: a thing, an option, or one of the actions that come before."""
-    if change.thing is not None:
-        return (change.thing,)
-    return (None, change.what, change.value if change.what == BEFORE else None)
 
 
 class _Generator:

@@ -24,7 +24,8 @@ from executive.runs.prepared import RunFiles, prepared
 from executive.runs.remedies import call_of
 from executive.runs.traces import call_to_resume, header_to_repeat, recorded_run
 from executive.sweeps import Row, workers
-from executive.sweeps.records import READS_RUN, RUNS, Task
+from executive.sweeps.jobs import READS_RUN, RUNS
+from executive.sweeps.records import Task
 from executive.why.both_runs import write_both
 from executive.why.candidates import Candidate, Situation, kinds_of
 from executive.why.evidence import Evidence

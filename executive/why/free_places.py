@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from executive.maps.supports import FLOOR, GAP, PENETRATION, Standing
+from planlang.advice import TRANSLATION, Change
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import HAIR
 from planlang.geometry.matrices import rotated
@@ -16,6 +18,16 @@ from sim.scene import BodyShape
 
 GRAZING = 5e-3
 """Overlap that does not count [m]: what stands on something grazes it."""
+
+
+def poses_after(changes: Iterable[Change], scene: Scene) -> dict[str, Pose]:
+    """Things that changes move -> their new poses."""
+    poses = dict[str, Pose]()
+    for change in changes:
+        if change.what == TRANSLATION and isinstance(change.value, tuple):
+            x, y, z = map(float, change.value)
+            poses[str(change.thing)] = replace(scene.body(str(change.thing)).pose, position=(x, y, z))
+    return poses
 
 
 def is_free(scene: Scene, poses: Mapping[str, Pose]) -> bool:

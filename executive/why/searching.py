@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
 
-from executive.why.candidates import Candidate, Situation, advised, can_be_joined, cheaper, followed, pair, singles
+from executive.why.candidates import Candidate, Situation, advised, cheaper, singles
+from executive.why.joining import followed, pair
 from executive.why.reruns import Reruns, Tried
 from planlang.advice import ROBOT, Change
 from planlang.records import dataclass
@@ -94,8 +95,8 @@ def _pairs(situation: Situation, reruns: Reruns) -> Iterator[Sequence[Candidate]
     yield sorted(chained, key=lambda one: one.cost)
     yield sorted((both for one in ahead for both in _joined_after(one, situation)), key=lambda one: one.cost)
     alone = [one.candidate for one in reruns.tried if one.candidate.kind != "pair"]
-    joined = (pair(one, other) for one, other in combinations(alone, 2) if can_be_joined(one, other))
-    yield sorted(joined, key=lambda one: one.cost)
+    joined = (pair(one, other, situation.scene) for one, other in combinations(alone, 2))
+    yield sorted(filter(None, joined), key=lambda one: one.cost)
 
 
 def _ahead(situation: Situation, reruns: Reruns) -> list[Tried]:
@@ -107,7 +108,8 @@ def _joined_after(one: Tried, situation: Situation) -> list[Candidate]:
     """List a candidate with each single change for the failure at which its rerun ended, in their order."""
     assert one.evidence is not None
     further = singles(replace(situation, evidence=one.evidence))
-    return [pair(one.candidate, other) for other in further if can_be_joined(one.candidate, other)]
+    joined = (pair(one.candidate, other, situation.scene) for other in further)
+    return list(filter(None, joined))
 
 
 def _advised_after(one: Candidate, situation: Situation, reruns: Reruns) -> list[Candidate]:
@@ -116,4 +118,5 @@ def _advised_after(one: Candidate, situation: Situation, reruns: Reruns) -> list
     evidence = next((each.evidence for each in reruns.tried if frozenset(each.candidate.changes) == changes), None)
     if evidence is None:
         return []
-    return [followed(one, other, situation.scene) for other in advised(replace(situation, evidence=evidence))[:1]]
+    further = advised(replace(situation, evidence=evidence))[:1]
+    return list(filter(None, (followed(one, other, situation.scene) for other in further)))

@@ -13,9 +13,9 @@ from click.testing import CliRunner, Result
 import planlang
 from executive.cli import app as cli
 from executive.cli.sweep import Counts
-from executive.sweeps.world_run import ended
 from executive.sweeps.files import read_sweep
 from executive.sweeps.records import Done
+from executive.sweeps.world_run import ended
 from tests.support.refusals import refusal
 
 

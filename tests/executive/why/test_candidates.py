@@ -7,26 +7,15 @@ from typing import Any
 
 import pytest
 
-from executive.why.candidates import Candidate, Situation, advised, can_be_joined, cheaper, followed, singles
+from executive.why.candidates import Candidate, advised, cheaper, singles
 from executive.why.costs import cost_of
 from executive.why.evidence import Evidence
 from executive.why.wording import clause_of
 from planlang.advice import Change
 from planlang.geometry import Pose
 from sim import Body, Scene
-from sim.joints import Articulation, JointKind
 from sim.scene import BodyShape, Cavity
-
-TABLE = Body("table1", Pose((2.0, 0.0, 0.37)), (0.6, 1.2, 0.74))
-CUP = Body("cup1", Pose((1.9, 0.0, 0.79)), (0.08, 0.08, 0.1), movable=True)
-BOX = Body("box1", Pose((1.9, 0.2, 0.79)), (0.1, 0.1, 0.1), movable=True)
-SAUCER = Body("saucer1", Pose((1.9, 0.2, 0.845)), (0.06, 0.06, 0.01), movable=True)
-CUPBOARD = Body("cupboard1", Pose((0.0, 3.0, 0.5)), (0.5, 0.6, 1.0))
-DOOR = Body("door1", Pose((0.26, 3.0, 0.5)), (0.02, 0.6, 1.0))
-HINGE = Articulation("door1", JointKind.HINGED, (0.26, 2.7, 0.5), (0.0, 0.0, 1.0), 0.0, 1.57, "cupboard1")
-SCENE = Scene((TABLE, CUP, BOX, SAUCER, CUPBOARD, DOOR), joints=(HINGE,))
-EVIDENCE = Evidence((), ("cup1 cannot be reached",), {"box1": 3}, "", "", False, True, False, 1, is_grasp_open=True)
-SITUATION = Situation(SCENE, frozenset({"cup1"}), "amigo", ("right", "left"), ("amigo", "pr2"), EVIDENCE)
+from tests.support.failed_situation import CUP, CUPBOARD, DOOR, EVIDENCE, HINGE, SCENE, SITUATION, TABLE
 
 
 def kinds(candidates: list[Candidate]) -> list[str]:
@@ -119,20 +108,6 @@ def test_what_a_hand_holds_may_be_put_down_before_the_step_that_failed() -> None
     assert clause_of(down.changes, SCENE) == "the robot puts box1 down before serve/budget/serve/at_location"
     hands = replace(held, is_of_places=False)
     assert "put down" in kinds(singles(replace(SITUATION, evidence=hands)))[:3]
-
-
-def test_two_actions_may_come_before_but_not_the_same_one_twice() -> None:
-    doors = [Candidate((Change("before", f"OpeningAContainerArtifact door{n}"),), "before", 2.0) for n in (1, 2)]
-    assert can_be_joined(*doors)
-    assert not can_be_joined(doors[0], doors[0])
-
-
-def test_a_later_advice_on_the_same_thing_replaces_the_earlier_one() -> None:
-    near, nearer = (Candidate((Change("translation", (x, 0.0, 0.79), "cup1"),), "advice", 4.0) for x in (2.0, 2.1))
-    found = followed(near, nearer, SCENE)
-    assert (found.changes, round(found.cost, 6), found.parts) == (nearer.changes, 5.0, ())
-    away = Candidate((*near.changes, Change("absent", True, "box1")), "advice", 9.0)
-    assert followed(away, nearer, SCENE).changes == (away.changes[1], *nearer.changes)
 
 
 def test_only_single_changes_that_cost_less_and_touch_the_reason_are_cheaper() -> None:
