@@ -34,8 +34,6 @@ from planlang.visible import meant
 from planlang.words import Option, Text, calling
 
 MARK = "written by planlang"
-_CHANGES = (b'[{"thing": "', b'[{"option": "')
-"""First bytes of a file of changes."""
 _TRACE = b'{"step": 0, "event": "header", "schema": '
 _RECORDING, _APPLICATION = b"RRF", 200
 """First bytes of a recording, and the number of bytes in which the name of its writer must appear."""
@@ -208,7 +206,7 @@ def is_replaceable(path: Path) -> bool:
                 return MARK.encode() in file.read(_FOOTER)
     except OSError:
         return False
-    if not start.strip() or start.startswith((_TRACE, *_CHANGES)):
+    if not start.strip() or start.startswith(_TRACE):
         return True
     if start.startswith(_RECORDING):
         return b"planlang" in start[:_APPLICATION]

@@ -36,7 +36,7 @@ from planlang.advice import ATTEMPTS, BEFORE, ROBOT
 from planlang.diagnostics import BadInput, Span, error
 from planlang.files import Bundled
 from planlang.language.source import PlanSource
-from planlang.outputs import write_text
+from planlang.outputs import MARK, write_text
 from planlang.runs import RecordedRun
 from planlang.words import COMMAND_LINE, Blank, Call, Text, calling, said
 
@@ -119,8 +119,8 @@ def explained(
         return Explanation(failure, nothing, tried=tried, left=kinds_of(result.left), diagnostics=found)
     changes = (*files.changes, *result.found.changes)
     if applied is not None:
-        lines = ",\n ".join(json.dumps(one.as_json(), ensure_ascii=False) for one in changes)
-        write_text(applied, f"[{lines}]\n")
+        lines = ",\n  ".join(json.dumps(one.as_json(), ensure_ascii=False) for one in changes)
+        write_text(applied, f'{{"writer": "{MARK}", "changes": [\n  {lines}\n]}}\n')
     sentence = f"the goal is reached if {clause_of(result.found.changes, situation.scene)}"
     command = Text(_command(files, result.found, applied))
     if report is not None:

@@ -108,7 +108,7 @@ def test_a_thing_that_has_to_stand_further_away_is_found_and_the_command_reaches
     assert answer["sentence"] == "the goal is reached if can1 is moved 0.10 m, to x = 1.85, y = -0.10, z = 0.81"
     assert answer["changes"] == [{"thing": "can1", "property": "translation", "value": [1.85, -0.1, 0.805]}]
     assert answer["cost"] == 4.0
-    assert json.loads((room / "run.apply.json").read_text()) == answer["changes"]
+    assert json.loads((room / "run.apply.json").read_text())["changes"] == answer["changes"]
     again = invoke(*shlex.split(answer["command"])[1:])
     assert again.exit_code == 0, again.output
 
@@ -219,9 +219,12 @@ def test_a_step_that_is_none_of_the_plan_is_refused(room: Path) -> None:
 def test_the_file_of_changes_is_written_again_but_over_no_other_file(room: Path) -> None:
     failed_unless('"right" in belief.memory.given_up')
     assert [why("--apply", "change.json", "--budget", "2")["code"] for _ in range(2)] == [0, 0]
-    (room / "run.apply.json").write_text('{"mine": 1}', encoding="utf-8")
-    assert why("--budget", "2")["code"] == 2
-    assert (room / "run.apply.json").read_text() == '{"mine": 1}'
+    mine = '[{"option": "arm", "value": "left"}]'
+    (room / "run.apply.json").write_text(mine, encoding="utf-8")
+    refused = why("--budget", "2")
+    assert (refused["code"], refused["diagnostics"][0]["help"]) == (2, "--force overwrites it")
+    assert (room / "run.apply.json").read_text() == mine
+    assert why("--budget", "2", "--force")["code"] == 0
 
 
 def test_a_run_that_reached_its_goal_needs_no_change(room: Path) -> None:
