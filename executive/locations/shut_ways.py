@@ -25,6 +25,9 @@ AROUND = 8
 WIDER = (0.9, 0.93, 0.96, 0.99)
 """Shares of its range to which to open a door, until the base drives past it."""
 
+FINELY = 0.001
+"""Accuracy to which to find how far it may be closed again then, as a share of its range."""
+
 IsPossible = Callable[[PlanningScene], bool]
 
 
@@ -135,6 +138,25 @@ def open_wide(scene: PlanningScene, joint: Articulation) -> float:
         return gets_past(scene.supposing(scene.belief.with_leaf(joint.leaf, value)), joint)
 
     return next((value for value in (share * joint.upper for share in WIDER) if passes(value)), joint.first_open)
+
+
+def least_passed(scene: PlanningScene, joint: Articulation) -> float:
+    """Compute how far an open door between rooms may be closed so that the base surely drives past it [rad or m].
+
+    Infinite if it does not get past it as it is.
+    """
+
+    def passes(value: float) -> bool:
+        then = scene.supposing(scene.belief.with_leaf(joint.leaf, value))
+        return not then.collisions.contacts(then.base()) and gets_past(then, joint)
+
+    least, low = scene.belief.joint(joint.leaf), 0.0
+    if not passes(least):
+        return math.inf
+    while least - low > FINELY * joint.upper:
+        middle = (low + least) / 2
+        least, low = (middle, low) if passes(middle) else (least, middle)
+    return least
 
 
 def _opened(scene: PlanningScene, doors: Iterable[Articulation]) -> PlanningScene:

@@ -20,7 +20,8 @@ from executive.locations.rejections import NO_WAY
 from executive.locations.shut_ways import behind_doors, open_wide
 from executive.locations.supposed import at_rest
 from executive.modules.arm.hand_work import HandWork
-from executive.modules.furniture.leaf_paths import LeafPath, LeafPaths
+from executive.modules.furniture.hand_paths import LeafPath
+from executive.modules.furniture.leaf_paths import LeafPaths
 from executive.modules.furniture.witnessing import is_seen_from_here, is_witnessed
 from executive.modules.platform import Platform
 from executive.modules.runner import Skill, nothing

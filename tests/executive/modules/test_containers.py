@@ -16,8 +16,9 @@ import pytest
 from executive.locations.hand_solutions import base_matrices
 from executive.locations.headroom import way_out
 from executive.maps import MapObject
+from executive.modules.furniture.hand_paths import LeafPath
 from executive.modules.furniture.leaf_grips import grips_of
-from executive.modules.furniture.leaf_paths import LeafPath, LeafPaths
+from executive.modules.furniture.leaf_paths import LeafPaths
 from executive.motion import MotionError, cartesian_path, clearance_at
 from executive.robots.arms import ArmModel
 from planlang import SimulationHost, explain, perform, run

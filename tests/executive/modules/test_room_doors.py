@@ -11,7 +11,10 @@ from pathlib import Path
 import pytest
 
 import planlang
+from executive.belief.doorways import gets_past
+from executive.locations.shut_ways import least_passed
 from executive.modules.bundled import bundled_registry
+from executive.modules.furniture.leaf_paths import LeafPaths
 from executive.runs.assembly import RobotExecutive
 from planlang import (
     Recovery,
@@ -136,6 +139,22 @@ def test_a_door_is_opened_from_one_side_and_closed_from_the_other(
     assert stage.executive.holds(Condition("closed", (stage.designator("door"),)))
     assert stage.truth.joint("door") < 0.05
     assert stage.truth.contacts() == ()
+
+
+def test_a_door_is_moved_from_where_the_base_would_be_shut_out_only_so_far_that_it_still_drives_past(
+    stack: ExitStack, tmp_path: Path
+) -> None:
+    door = RoomDoor(slides=True, upright=True, handles=(-1.0,), facts=("knowrob:jointPosition 0.8",))
+    stage = flat(stack, door, tmp_path)
+    scene, joint = stage.platform.scene, stage.platform.belief.joints["door"]
+    least = least_passed(scene, joint)
+    assert [gets_past(scene.supposing(scene.belief.with_leaf("door", at)), joint) for at in (least, least - 0.01)] == [
+        True,
+        False,
+    ]
+    paths = LeafPaths(scene, joint, THERE, only_there=True).towards(0.0, scene.arms.all[:1], joint.last_shut)
+    path = next(filter(None, paths))
+    assert path.values[-1] == least
 
 
 def test_all_closed_doors_of_a_row_of_rooms_are_named_and_opened_in_their_order(
