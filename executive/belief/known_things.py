@@ -61,6 +61,8 @@ class KnownThings:
         """What steps are for, by which things are chosen for designators by class; None: that is unknown."""
         self.tell: Callable[[str, Mapping[str, Any]], None] = ignore
         """Listener of changes: event, details."""
+        self._told: Mapping[tuple[Object, str], str] = {}
+        """Designators and performances of which the listener knows which thing they mean."""
         state = world.world_state(robot)
         poses = dict(state.poses)
         closed = {name: world.scene.body(name).pose for joint in world.scene.joints for name in joint.bodies}
@@ -202,6 +204,19 @@ class KnownThings:
             self.memory = replace(self.memory, bound={**self.memory.bound, what: name})
         else:
             self.memory = self.memory.meaning(what, self._choice(what, performance).of(name))
+        self._tell_meaning(what, name, performance)
+
+    def _tell_meaning(self, what: Object, name: str, performance: Performance | None) -> None:
+        """Tell the listener which thing a designator by class means, once in each attempt at a performance.
+
+        Steps that bring nothing about, such as looking for any such thing, mean none in particular.
+        """
+        key, purposes = (what, "" if performance is None else performance.path), self.purposes
+        actions = () if performance is None else performance.actions
+        is_meant = performance is None or purposes is None or any(purposes.of(one, what) for one in actions)
+        if what.iri is None and is_meant and self._told.get(key) != name:
+            self._told = {**self._told, key: name}  # hypotheses have a table of their own from here on
+            self.tell("means", {"what": str(what), "name": name, "within": key[1]})
 
     def _meant_in(self, performance: Performance, what: Object, near: BasePose) -> str | None:
         """Find what a designator by class means in a performance, and bind it if that is new; None without a match."""
@@ -210,10 +225,12 @@ class KnownThings:
         if known is not None:
             if known.name != choice.last or choice.serves > known.served:
                 self.memory = self.memory.meaning(what, known._replace(served=known.served or choice.serves))
+            self._tell_meaning(what, known.name, performance)
             return known.name
         name = choice.last if choice.is_same() else self._find(what, near, choice)
         if name is not None:
             self.memory = self.memory.meaning(what, choice.of(name))
+            self._tell_meaning(what, name, performance)
         return name
 
     def _choice(self, what: Object, performance: Performance) -> Choice:

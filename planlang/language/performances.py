@@ -31,6 +31,8 @@ class Performance(NamedTuple):
     """True within a state that has been entered before."""
     group: str | None = None
     """Occasion above performances that are about different things; None if they need not be."""
+    path: str = ""
+    """Path of its first node: another one for each attempt, too."""
 
 
 class _Begun(NamedTuple):
@@ -100,6 +102,7 @@ def performance_of(what: Object) -> Performance | None:
         tuple(one.action for one in around),
         any(one.kind == "state" and one.ordinal > 1 for one in above),
         begun.node.occasion if begun.times > 1 else None,
+        begun.node.path_of_next(begun.name) if first is None else first.path,
     )
 
 

@@ -93,6 +93,7 @@ _OF: Mapping[str, Mapping[str, Check]] = {
     "request": {"module": TEXT, "action": TEXT},
     "recovery": {"decision": TEXT},
     "belief": {"change": TEXT},
+    "means": {"what": TEXT, "name": TEXT, "within": TEXT},
     "resumed": {"again": TEXTS},
 }
 """Event -> what its entries have to be, if they are there."""

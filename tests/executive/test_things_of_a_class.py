@@ -13,7 +13,7 @@ from executive.modules.platform import Platform
 from executive.runs.options import Outcome, RunOptions
 from executive.runs.plan_run import run_plan_file
 from executive.runs.written import bodies_of
-from planlang import at_location, par, perform, with_failure_handling
+from planlang import Trace, at_location, par, perform, with_failure_handling
 from planlang.designators import Action, Object, a_location, action, an_object
 from planlang.failures import GraspMissed, ObjectUnresolvable, PlanFailure
 from planlang.files import bundled
@@ -159,6 +159,22 @@ def test_different_steps_in_a_row_mean_the_same_cup_in_every_round(room: Room) -
 
     stage.run(clear)
     assert [name for _, name in hands.did] == ["cup1"] * 3 + ["cup2"] * 3
+
+
+def test_a_trace_tells_which_cup_each_performance_means_but_not_for_looking_at_any(room: Room) -> None:
+    stage, _ = room(*CUPS)
+    trace = Trace()
+
+    async def clear() -> None:
+        await perform(action("LookingAtSomething", object_acted_on=CUP))
+        for _ in range(2):
+            await perform(action("PickingUpAnObject", object_acted_on=CUP))
+            await bring(to=THERE)
+
+    stage.run(clear, trace=trace)
+    meant = [event for event in trace.events if event["event"] == "means"]
+    assert [(one["what"], one["name"]) for one in meant] == [("Cup", "cup1")] * 2 + [("Cup", "cup2")] * 2
+    assert len({one["within"] for one in meant}) == 4
 
 
 def test_what_one_step_has_put_somewhere_the_next_one_takes_from_there(room: Room) -> None:
