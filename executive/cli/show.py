@@ -39,6 +39,7 @@ from planlang.recipe.model import Recipe, RecipeSet
 from planlang.recipe.order import recipe_order
 from planlang.records import dataclass
 from planlang.report import Told
+from planlang.report.wording import Wording
 from planlang.runs.codec import load_failure
 from planlang.spelling import guess
 from sim import PyBulletWorld, Scene
@@ -221,7 +222,7 @@ def _trace(path: Path, arguments: ShowArguments) -> Shown:
     where = ", ".join(str(header[name]) for name in ("robot", "map") if name in header)
     seconds = recorded.last / float(header.get("rate", 1))
     message = next((one.reason for one in told.tree.roots if one.failure is not None), "")
-    ending = ending_of(told, outcome, message, seconds, ())
+    ending = ending_of(told, Wording(), outcome, message, seconds, ())
     explained = _explained(told, (line.record for line in recorded.lines)) if outcome == "failed" else None
     text = "\n".join(
         (

@@ -8,6 +8,7 @@ from PIL import Image
 
 from planlang.designators import snake_case
 from planlang.records import dataclass
+from planlang.report.wording import Wording
 from planlang.runs.run_tree import RunTree, TaskNode
 from planlang.sheets import FAINT, FINE, INK, Colour, Sheet, wrapped
 
@@ -30,6 +31,8 @@ class Step:
 
     node: TaskNode
     depth: int
+    text: str
+    """What it does."""
 
     @property
     def begin(self) -> int:
@@ -43,22 +46,26 @@ class Step:
         return "running" if self.node.ended is None or now < self.node.ended else self.node.status
 
 
-def steps_in(tree: RunTree) -> list[Step]:
+def steps_in(tree: RunTree, wording: Wording) -> list[Step]:
     """Actions of a plan that have begun, without those that process modules perform inside others."""
     depths: dict[TaskNode | None, int] = {None: 0}
     steps = []
     for node in tree.numbered.values():
         is_step = node.kind == "perform" and node.begun is not None and not node.inner
         if is_step:
-            steps.append(Step(node, min(depths[node.parent], DEEPEST)))
+            steps.append(Step(node, min(depths[node.parent], DEEPEST), capital(wording.step(node))))
         depths[node] = depths[node.parent] + is_step
     return steps
 
 
 def in_words(name: str) -> str:
-    """Convert a name like ``MoveBaseToGraspPose`` to words."""
-    words = snake_case(name.partition("#")[0]).replace("_", " ").strip()
-    return words[:1].upper() + words[1:]
+    """Convert a name like ``serve_a_drink`` or ``ServeADrink`` to words."""
+    return capital(snake_case(name.partition("#")[0]).replace("_", " ").strip())
+
+
+def capital(text: str) -> str:
+    """Begin a text with a capital letter."""
+    return text[:1].upper() + text[1:]
 
 
 def column(
@@ -115,7 +122,7 @@ def _left(step: Step) -> int:
 
 def _words(step: Step, now: int, width: int) -> list[str]:
     """Lines about a step: its name, and its failure if it has failed."""
-    text = in_words(step.node.name)
+    text = step.text
     if step.state(now) == "failed" and step.node.failure is not None:
         text = f"{text}: {in_words(step.node.failure['type']).lower()}"
     return wrapped(text, TEXT, width * FINE - _left(step) - 24 - 10 * FINE)

@@ -17,6 +17,7 @@ from executive.pictures.viewpoints import Moment, best_direction, fitting, momen
 from planlang.geometry import Array, Pose
 from planlang.outputs import MARK
 from planlang.progress import Report, unreported
+from planlang.report.wording import Wording
 from planlang.runs.run_tree import RunTree
 
 if TYPE_CHECKING:
@@ -45,8 +46,11 @@ QUALITY = 62
 class Video:
     """Video of one run, whose steps are in ``tree``; its samples are kept in memory until :meth:`save`."""
 
-    def __init__(self, world: Truth, rate: int, title: str, tree: RunTree, view: str | None = None) -> None:
+    def __init__(
+        self, world: Truth, rate: int, title: str, tree: RunTree, view: str | None = None, *, wording: Wording
+    ) -> None:
         self._stage, self._rate, self._title, self._tree, self._view = Stage(world), rate, title, tree, view
+        self._wording = wording
         self._every = rate // KEPT
         self._kept: list[tuple[int, dict[Path, Pose]]] = []
         """Samples: world step, and the poses of all entities after it."""
@@ -91,7 +95,8 @@ class Video:
         image = Image.new("RGB", (SIZE[0] + COLUMN, SIZE[1]), "white")
         image.paste(Image.fromarray(render_poses(self._stage, poses, view, SIZE)), (0, 0))
         size, time = (COLUMN, SIZE[1]), f"{step / self._rate:.1f} s"
-        image.paste(column(steps_in(self._tree), step, size, self._title, time, ending).finished(), (SIZE[0], 0))
+        steps = steps_in(self._tree, self._wording)
+        image.paste(column(steps, step, size, self._title, time, ending).finished(), (SIZE[0], 0))
         return image
 
     def _views(self, moments: Sequence[Mapping[Path, Pose]], names: Collection[str]) -> list[View]:

@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from itertools import groupby
 
-from executive.pictures.steps import in_words
+from executive.pictures.steps import capital
 from planlang.report import Told as Told
 from planlang.report.failures import Failures
+from planlang.report.wording import Wording
 from planlang.runs.run_tree import TaskNode
 
 MOST = 12
 """Maximum number of steps listed; the rest is counted."""
 
 
-def ending_of(told: Told, outcome: str, message: str, seconds: float, state: Iterable[str]) -> tuple[str, ...]:
+def ending_of(
+    told: Told, wording: Wording, outcome: str, message: str, seconds: float, state: Iterable[str]
+) -> tuple[str, ...]:
     """Lines for the outcome with the plan time; the reason of the failure, or the completed steps and the final state.
 
     The reason is the headline of the failure on the page, with its advice, else the first line of ``message``.
@@ -24,7 +27,7 @@ def ending_of(told: Told, outcome: str, message: str, seconds: float, state: Ite
         failures, root = Failures(told.tree, told.reasons), told.tree.roots[0].number if told.tree.roots else 0
         place = failures.index.get(root)
         return first, str(failures.table[place]["headline"]) if place is not None else message.partition("\n")[0]
-    steps = [name for name, _ in groupby(in_words(node.name) for node in _steps(told.tree.roots))]
+    steps = [name for name, _ in groupby(capital(wording.step(node)) for node in _steps(told.tree.roots))]
     listed = [*steps[:MOST], *([f"{len(steps) - MOST} more"] if len(steps) > MOST else [])]
     return tuple(line for line in (first, ", ".join(listed), "; ".join(state)) if line)
 

@@ -30,6 +30,7 @@ from planlang.diagnostics import BadInput, Diagnostic
 from planlang.failures import PlanFailure
 from planlang.outputs import replace as write_complete
 from planlang.report import Context
+from planlang.report.wording import Wording
 from sim.truth import Truth
 
 
@@ -51,6 +52,8 @@ class Outputs(Written):
         self._poses: PoseLog | None = None
         self._ending: Callable[..., tuple[str, ...]] | None = None
         """Captions of pictures and videos, made from the run's records."""
+        self._wording = Wording()
+        """What their steps are called."""
 
     def ask(
         self,
@@ -67,12 +70,13 @@ class Outputs(Written):
         options, truth = self._options, self._truth
         if options.picture is not None or options.video is not None:
             told = Told()
-            self._ending = partial(ending_of, told)
+            self._wording = context().wording
+            self._ending = partial(ending_of, told, self._wording)
             self.listeners.append(lambda record, node: told.add(record))
         if options.picture is not None:
             self._files.append((options.picture, partial(self._save_picture, bound, title)))
         if options.video is not None:
-            video = Video(truth, truth.rate, title, told.tree, options.view)
+            video = Video(truth, truth.rate, title, told.tree, options.view, wording=self._wording)
             self.watchers.append(lambda world: video.frame(world.steps))
             self._files.append((options.video, partial(self._save_video, bound, video)))
         if options.record is not None:

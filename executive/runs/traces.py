@@ -26,7 +26,7 @@ from planlang.runs import DamagedTrace, Different, Past, RecordedRun, Repetition
 from planlang.runs.codec import SCHEMA, load
 from planlang.runs.recorded_run import SPANS, OlderTrace
 from planlang.runs.repeating import OUTSIDE
-from planlang.runs.run_tree import DECISIONS, belief_text
+from planlang.runs.run_tree import DECISIONS, Changes, with_names
 from planlang.runs.trace import Listener
 from planlang.words import Blank, Call, Option, Text, calling
 
@@ -35,19 +35,27 @@ def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Listene
     """Make a listener that calls ``say`` with the world step and a line, for records of interest to people.
 
     With ``inner`` also for actions that process modules perform inside others. A failure that passes several actions
-    and recoveries at once has a line only once, as has what is believed of a thing until that changes.
+    and recoveries at once has a line only once, as has what is believed of a thing until that changes. Things that the
+    plan describes by their class have names as soon as the trace tells which ones are meant.
     """
     told: tuple[int, set[str]] = (-1, set())
     believed: dict[object, str] = {}
+    changes, meant = Changes(), dict[str, dict[str, str]]()
 
     def listen(record: Mapping[str, Any], node: Node | None) -> None:
         nonlocal told
+        if record["event"] == "means":
+            meant.setdefault(record["within"], {})[record["what"]] = record["name"]
+            return
         is_span = record["event"] in SPANS and record["kind"] == "perform"
         if is_span and not inner and node is not None and is_inner(node):
             return
-        line = line_of(record)
+        line = line_of(record, changes)
         if line is None:
             return
+        if meant and node is not None:
+            around = (names for path, names in meant.items() if f"{node.path}/".startswith(f"{path}/" if path else ""))
+            line = with_names(line, {what: name for names in around for what, name in names.items()})
         step = record["step"]
         told = told if told[0] == step else (step, set())
         is_passed_on = record["event"] == "ended" or record.get("decision") in ("propagate", "failed")
@@ -66,8 +74,8 @@ _TRUE = re.compile(r"\b([a-z_]+)=True\b")
 """A property of an action that is simply true, which is told by its name alone."""
 
 
-def line_of(record: Mapping[str, Any]) -> str | None:
-    """Line about a record, for people; None if it does not interest them."""
+def line_of(record: Mapping[str, Any], changes: Changes | None = None) -> str | None:
+    """Line about a record, for people; None if it does not interest them. ``changes`` knows the earlier ones."""
     match record:
         case {"event": "started", "kind": "perform", "action": action}:
             return _TRUE.sub(lambda one: one[1].replace("_", " "), str(action))
@@ -86,7 +94,8 @@ def line_of(record: Mapping[str, Any]) -> str | None:
         case {"event": "stays away", "because": reason}:
             return f"the robot does not get back to where the plan had brought it: {reason}"
         case {"event": "belief", "change": _, "name": _}:
-            return f"  belief: {belief_text(record)}"
+            text = (changes or Changes()).text(record)
+            return None if text is None else f"  belief: {text}"
     return None
 
 

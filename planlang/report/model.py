@@ -83,6 +83,11 @@ class Context:
     notes: Sequence[Diagnostic] = ()
     remedies: Mapping[str, str] = field(default_factory=dict)
 
+    @property
+    def wording(self) -> Wording:
+        """What steps are called."""
+        return Wording(self.labels, self.vocabulary)
+
 
 def model_of(run: Told, context: Context | None = None, **parts: Any) -> dict[str, Any]:
     """Build the model of a run; ``parts`` are further entries, such as scene, map and questions."""
@@ -91,7 +96,7 @@ def model_of(run: Told, context: Context | None = None, **parts: Any) -> dict[st
     end = round(run.last / rate, 4)
     remedies = {part: said(advice, COMMAND_LINE) for part, advice in context.remedies.items()}
     failures = Failures(tree, run.reasons, remedies)
-    wording = Wording(context.labels, context.vocabulary)
+    wording = context.wording
     nodes = nodes_of(tree, context.labels, failures.index)
     sources = [source for source in (context.plan, context.recipe) if source is not None]
     places = _places(tree, context.plan)

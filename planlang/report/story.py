@@ -17,15 +17,15 @@ def story_of(tree: RunTree, wording: Wording, failures: Failures, end: float) ->
     Activities of process modules inside an action are left out. A failed step has a sentence at its start, and one with
     the cause at its end; steps that fail one after the other for the same reason tell it once.
     """
-    sentences = [one for root in tree.roots for one in _ends(root, failures, end)]
+    sentences = [one for root in tree.roots for one in _ends(root, wording, failures, end)]
     for node in tree.numbered.values():
         sentences += _happened(node, tree.rate)
         if not node.inner and node.start is not None:
             sentences += _steps(node, wording, failures)
-    for one in tree.belief:
-        if one.details.get("change") in _LEARNT:
-            time = round(one.step / tree.rate, 4)
-            sentences.append((one.place, [time, None, _sentence(_learnt(one.details)), "belief"]))
+    learnt = (one for one in tree.belief if one.details.get("change") in _LEARNT)
+    told = {(one.step, _sentence(_learnt(one.details))): one for one in learnt}  # two hands take a thing once
+    for (step, text), one in told.items():
+        sentences.append((one.place, [round(step / tree.rate, 4), None, text, "belief"]))
     ordered = [sentence for _, sentence in sorted(sentences, key=lambda one: one[0])]
     return [*_each_reason_once(ordered)]
 
@@ -65,9 +65,9 @@ def _each_reason_once(sentences: Iterable[list[Any]]) -> Iterator[list[Any]]:
             last = reason
 
 
-def _ends(root: TaskNode, failures: Failures, end: float) -> Iterator[_Placed]:
-    name = root.name.partition("#")[0]
-    yield root.first, [root.start or 0.0, root.number, f"The plan {shown(name, 80)} begins.", "opening"]
+def _ends(root: TaskNode, wording: Wording, failures: Failures, end: float) -> Iterator[_Placed]:
+    name = wording.step(_plan_of(root))
+    yield root.first, [root.start or 0.0, root.number, _sentence(f"The plan begins: {shown(name, 80)}"), "opening"]
     time = end if root.end is None else round(root.end, 4)
     match root.status:
         case "succeeded":
@@ -79,6 +79,16 @@ def _ends(root: TaskNode, failures: Failures, end: float) -> Iterator[_Placed]:
         case _:
             text = f"The plan is stopped from outside after {time:.1f} s."
     yield root.last, [time, root.number, text, "closing"]
+
+
+def _plan_of(root: TaskNode) -> TaskNode:
+    """The plan of a run, which has no other plan or action around it; the root if it runs none."""
+    inside = [root]
+    for node in inside:
+        if node.kind == "plan":
+            return node
+        inside += [one for one in node.children if one.kind != "perform"]
+    return root
 
 
 def _steps(node: TaskNode, wording: Wording, failures: Failures) -> Iterator[_Placed]:

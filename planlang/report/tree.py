@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from planlang.designators import local_name
-from planlang.runs.run_tree import DECISIONS, Happened, RunTree, TaskNode, belief_text
+from planlang.runs.run_tree import DECISIONS, Changes, Happened, RunTree, TaskNode
 
 Held = tuple[str, TaskNode, int, int | None]
 """A resource, the node that held it, and its first and last step."""
@@ -40,13 +40,16 @@ def nodes_of(tree: RunTree, labels: Mapping[str, str], index: Mapping[int, int])
         within[number] = inside
         entry = _node(node, labels, inside, index.get(number), tree.rate)
         if node.kind == "branch" and parent is not None and parent.kind == "perform":  # the request of an action
-            entry["wait"] = _wait(node, held, tree.rate)
+            entry["wait"] = _wait(node, held, tree.rate, labels)
         nodes.append(entry)
     return nodes
 
 
-def _wait(node: TaskNode, held: Sequence[Held], rate: float) -> list[Any] | None:
-    """``[end of the wait s or None, "base (held by Drive)"]`` if a request waits for its resources, else None."""
+def _wait(node: TaskNode, held: Sequence[Held], rate: float, labels: Mapping[str, str]) -> list[Any] | None:
+    """``[end of the wait s or None, "base (held by Drive)"]`` if a request waits for its resources, else None.
+
+    Steps that hold them are called by their labels, if they have any.
+    """
     if node.begun is None:
         return None
     granted = next((one for one in node.happened if one.event == "acquired"), None)
@@ -55,8 +58,9 @@ def _wait(node: TaskNode, held: Sequence[Held], rate: float) -> list[Any] | None
         return None
     wanted = None if granted is None else {str(one) for one in granted.details.get("resources", ())}
     holders = {
-        name: (other.parent if other.is_request and other.parent is not None else other).name
+        name: labels.get(class_of(holder) or "", holder.name)
         for name, other, begun, ended in held
+        for holder in (other.parent if other.is_request and other.parent is not None else other,)
         if begun <= node.begun and (ended is None or ended > node.begun)
         if (wanted is None or name in wanted) and not _is_around(other, node)
     }
@@ -132,11 +136,11 @@ def text_of(node: TaskNode) -> str:
     """Describe a node: its action, goal or location, or the parameters of a plan."""
     match node.parameters:
         case {"action": str(text)}:
-            return shown(_parameters(node.name, text))
+            return shown(node.named(_parameters(node.name, text)))
         case {"goal": str(text)} | {"location": str(text)} | {"policy": str(text)}:
-            return shown(text)
+            return shown(node.named(text))
         case {"parameters": dict(values)} if values:
-            return shown(", ".join(f"{name} = {value}" for name, value in values.items()))
+            return shown(node.named(", ".join(f"{name} = {value}" for name, value in values.items())))
     return ""
 
 
@@ -240,8 +244,10 @@ def marks_of(tree: RunTree) -> list[list[Any]]:
                 marks.append([_seconds(one.step / tree.rate), number, kind, text])
         if is_origin(node):
             marks.append([_seconds(node.end), number, "failure", shown(node.reason)])
+    changes = Changes()
     for one in tree.belief:
-        marks.append([_seconds(one.step / tree.rate), None, "belief", shown(belief_text(one.details))])
+        if (text := changes.text(one.details)) is not None:
+            marks.append([_seconds(one.step / tree.rate), None, "belief", shown(text)])
     return sorted(marks, key=lambda mark: mark[0])
 
 

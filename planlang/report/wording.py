@@ -12,6 +12,8 @@ from planlang.runs.run_tree import TaskNode
 
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z0-9]+|[^\sA-Za-z0-9_-]+")
 _CONSTRAINTS = re.compile(r"constrained_by=(?:\([^()]*\)|\w+)(?:, )?")
+_SEVERAL = re.compile(r"=\(([^()]*)\)")
+"""Several values of a property."""
 _POSE = re.compile(r"[^(]+\(x=([-\d.]+), y=([-\d.]+), yaw=([-\d.]+)\)")
 _SHORT = {"object_acted_on": "", "to_location": "to ", "recipient": "to ", "device_used": "with "}
 LONGEST = 160
@@ -25,20 +27,25 @@ class Wording:
     labels: Mapping[str, str] = field(default_factory=dict)
     vocabulary: Mapping[str, str] = field(default_factory=dict)
 
+    def step(self, node: TaskNode) -> str:
+        """What a node does: the label of its class or of the plan that performs it, else the words of its name."""
+        performing = (one for one in node.children if one.kind == "plan")
+        classes = [class_of(one) or "" for one in (node, *performing)]
+        found = (self.labels.get(cls) for cls in classes)
+        return next(filter(None, found), None) or self.vocabulary.get(classes[0]) or words(node.name)
+
     def of(self, node: TaskNode) -> str:
         """Describe the action of a node, with its goal if that is a pose of the base.
 
-        A label of the vocabulary, or a name, fits many actions, so the parameters of the action follow it.
+        A label of another class than its own, or a name, fits many actions, so the parameters of the action follow it.
         """
-        cls, action = class_of(node) or "", str(node.parameters.get("action", ""))
+        cls, action = class_of(node) or "", node.named(str(node.parameters.get("action", "")))
         pose = _POSE.fullmatch(action)
         about = f"to {pose_text([float(one) for one in pose.groups()])}" if pose else ""
-        what = self.labels.get(cls)
-        if what is None and not pose and action.endswith(")"):
+        if cls not in self.labels and not pose and action.endswith(")"):
             inside = _CONSTRAINTS.sub("", action.partition("(")[2].removesuffix(")"))
-            about = properties_text(inside, _SHORT)
-        what = what or self.vocabulary.get(cls)
-        return shown(what or words(node.name), LONGEST) + (f" ({shown(about, LONGEST)})" if about else "")
+            about = properties_text(_SEVERAL.sub(r"=\1", inside), _SHORT)
+        return shown(self.step(node), LONGEST) + (f" ({shown(about, LONGEST)})" if about else "")
 
 
 def duration(node: TaskNode) -> str:

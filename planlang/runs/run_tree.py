@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
@@ -60,6 +61,8 @@ class TaskNode:
     """Other events of the node: solutions of a location, recoveries, acquired resources, ..."""
     is_request: bool = False
     """True for the execution of an action by a process module."""
+    meant: dict[str, str] = field(default_factory=dict)
+    """Descriptions by class, such as ``Cup that is on(table1)``, and the names of the things that they mean in it."""
 
     @property
     def path(self) -> str:
@@ -70,6 +73,11 @@ class TaskNode:
             names.append(node.name)
             node = node.parent
         return "/".join(reversed(names))
+
+    def named(self, text: str) -> str:
+        """Replace descriptions by class in a text by the names of the things that they mean in this node."""
+        around = [node.meant for node in self._outward() if node.meant]
+        return with_names(text, {what: name for meant in reversed(around) for what, name in meant.items()})
 
     def _outward(self) -> Iterator[TaskNode]:
         """Yield this node and its ancestors, nearest first."""
@@ -155,6 +163,8 @@ class RunTree:
         self.rate = 1.0
         """World steps per second of plan time."""
         self._read = 0
+        self._meant: dict[str, dict[str, str]] = {}
+        """Path of a node that has not begun yet -> what descriptions mean in it."""
         for record in records:
             self.add(record)
 
@@ -173,6 +183,8 @@ class RunTree:
             if event == "belief":
                 content = {key: value for key, value in record.items() if key not in ("step", "event")}
                 self.belief.append(Happened(record["step"], event, content, place))
+            elif event == "means":
+                self._mean(record.get("what"), record.get("name"), record.get("within"))
             return None
         node, time = self.numbered.get(number) or self._new(number, record), record["step"] / self.rate
         if event == "started":
@@ -193,11 +205,29 @@ class RunTree:
                 node.is_request = True
         return node
 
+    def _mean(self, what: str | None, name: str | None, within: str | None) -> None:
+        """Note which thing a description means, in the node of a path or, without one, in the whole run."""
+        if what and name:
+            nodes = reversed(self.numbered.values()) if within else self.roots
+            node = next((one for one in nodes if not within or one.path == within), None)
+            (self._meant.setdefault(within or "", {}) if node is None else node.meant)[what] = name
+
     def _new(self, number: int, record: Mapping[str, Any]) -> TaskNode:
         parent = self.numbered.get(record["parent"])
         node = self.numbered[number] = TaskNode(record["name"], record["kind"], parent, number=number)
         (self.roots if parent is None else parent.children).append(node)
+        if self._meant:
+            node.meant = self._meant.pop(node.path, {})
         return node
+
+
+def with_names(text: str, meant: Mapping[str, str]) -> str:
+    """Replace descriptions by class in a text by the names of the things that they mean."""
+    for what in sorted(meant, key=len, reverse=True):
+        if what in text:
+            name = meant[what]
+            text = re.sub(rf"(?<![\w-]){re.escape(what)}(?![\w-]| that is )", lambda _, name=name: name, text)
+    return text
 
 
 DECISIONS = {
@@ -222,15 +252,29 @@ _CHANGES = {
 """Words for changes of the belief, if they differ from those in the trace."""
 
 
-def belief_text(details: Mapping[str, Any]) -> str:
-    """Describe a change of the belief, without punctuation: ``bottle1 seen``."""
-    name = details.get("name", "something")
-    match details:
-        case {"change": "released", "to": str(person)}:
-            return f"{name} handed to {person}"
-        case {"change": "switched", "state": str(state)}:
-            return f"{name} {state_word(state)}"
-        case {"change": "led" | "moved", "value": int() | float() as value}:
-            return f"{name} {'closed' if value < CLOSED else 'open'}"
-    word = str(details.get("change", "changed")).replace("_", " ")
-    return f"{name} {_CHANGES.get(word, word)}"
+class Changes:
+    """Words for the changes of the belief, in their order: what a hand moves is opened or closed, as it was before."""
+
+    def __init__(self) -> None:
+        self._values: dict[object, float] = {}
+        """Door or drawer -> its last known position [rad, m]."""
+
+    def text(self, details: Mapping[str, Any]) -> str | None:
+        """Describe the next change, without punctuation: ``bottle1 seen``; None if it is not known well enough."""
+        name = details.get("name", "something")
+        match details:
+            case {"change": "released", "to": str(person)}:
+                return f"{name} handed to {person}"
+            case {"change": "switched", "state": str(state)}:
+                return f"{name} {state_word(state)}"
+            case {"change": "led" | "moved", "value": int() | float() as value}:
+                before, self._values[name] = self._values.get(name), value
+                if value < CLOSED:
+                    return f"{name} closed"
+                return None if before is None else f"{name} being {'closed' if value < before else 'opened'}"
+            case {"change": "let go"} if self._values.get(name, 0.0) >= CLOSED:
+                return f"{name} released, open"
+            case {"value": int() | float() as value}:
+                self._values[name] = value
+        word = str(details.get("change", "changed")).replace("_", " ")
+        return f"{name} {_CHANGES.get(word, word)}"

@@ -7,7 +7,7 @@ function card(one, isFirst) {
   const inside = el("div", { class: "inside" });
   const whole = el("details", { class: `card${one.recovered ? " recovered" : ""}`, open: isFirst },
     el("summary", {}, el("h2", { class: "advice" }, sentence(failure.headline)),
-      el("span", { class: "said" }, `${one.recovered ? "recovered · " : ""}${node?.name ?? ""} · ${seconds(one.time ?? 0)}`)),
+      el("span", { class: "said" }, `${one.recovered ? "recovered · " : ""}${node?.label ?? node?.name ?? ""} · ${seconds(one.time ?? 0)}`)),
     inside);
   const fill = () => {
     if (inside.childElementCount) return;

@@ -16,6 +16,7 @@ from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.outputs import is_replaceable
 from planlang.protocols import Configuration
+from planlang.report.wording import Wording
 from planlang.runs.run_tree import RunTree
 from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
 
@@ -41,19 +42,19 @@ def tree() -> RunTree:
 
 
 def test_steps_are_coming_then_running_then_as_they_ended(tree: RunTree) -> None:
-    assert [(one.node.name, one.depth, one.node.reason) for one in steps_in(tree)] == [
+    assert [(one.node.name, one.depth, one.node.reason) for one in steps_in(tree, Wording())] == [
         ("FetchTheBottle", 0, ""),
         ("GraspIt", 1, "GraspMissed: too far"),
         ("GraspIt", 1, ""),
     ]
-    assert [one.state(5) for one in steps_in(tree)] == ["running", "coming", "coming"]
-    assert [one.state(20) for one in steps_in(tree)] == ["running", "failed", "coming"]
-    assert [one.state(50) for one in steps_in(tree)] == ["succeeded", "failed", "succeeded"]
+    assert [one.state(5) for one in steps_in(tree, Wording())] == ["running", "coming", "coming"]
+    assert [one.state(20) for one in steps_in(tree, Wording())] == ["running", "failed", "coming"]
+    assert [one.state(50) for one in steps_in(tree, Wording())] == ["succeeded", "failed", "succeeded"]
 
 
 def test_the_column_marks_what_runs_what_is_done_and_what_failed(tree: RunTree) -> None:
     def has(now: int, colour: tuple[int, int, int]) -> bool:
-        pixels = np.asarray(column(steps_in(tree), now, (260, 200), "fetch", "1.0 s").image)
+        pixels = np.asarray(column(steps_in(tree, Wording()), now, (260, 200), "fetch", "1.0 s").image)
         return bool((pixels == colour).all(axis=2).any())
 
     assert [has(5, RUNNING), has(5, DONE), has(5, FAILED)] == [True, False, False]
@@ -65,12 +66,12 @@ def test_a_long_plan_scrolls_to_what_runs() -> None:
     heard = RunTree()
     for node in range(60):
         heard.add({"event": "started", "node": node, "parent": None, "kind": "perform", "name": "Go", "step": node})
-    assert (np.asarray(column(steps_in(heard), 50, (260, 200), "x", "").image) == RUNNING).all(axis=2).any()
+    assert (np.asarray(column(steps_in(heard, Wording()), 50, (260, 200), "x", "").image) == RUNNING).all(axis=2).any()
 
 
 def test_the_ending_stands_below_the_steps(tree: RunTree) -> None:
     def red(ending: tuple[str, ...]) -> int:
-        pixels = np.asarray(column(steps_in(tree), 50, (260, 200), "fetch", "1.0 s", ending).image)[280:]
+        pixels = np.asarray(column(steps_in(tree, Wording()), 50, (260, 200), "fetch", "1.0 s", ending).image)[280:]
         return int((pixels == FAILED).all(axis=2).sum())
 
     shorter, longer = red(("failed after 1.00 s", "too high")), red(("failed after 1.00 s", "too high " * 12))
@@ -86,7 +87,7 @@ def test_a_video_has_frames_of_the_run_and_is_the_same_each_time(
     contents = []
     for name in ("one.webp", "two.webp"):
         world = PyBulletWorld(Scene((bottle,)), AMIGO)
-        made = Video(world, 30, "fetch", tree)
+        made = Video(world, 30, "fetch", tree, wording=Wording())
         for step in range(0, 51):
             world.set_configuration(Configuration((min(0.02 * step, 0.5), 0.0, 0.0), {}))
             made.frame(step)

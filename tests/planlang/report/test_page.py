@@ -157,6 +157,22 @@ def test_a_story_tells_to_whom_a_thing_was_handed() -> None:
     assert said == ["The robot hands cup1 to child1.", "The robot lets go of cup1."]
 
 
+def test_a_story_tells_once_that_both_hands_have_taken_a_thing() -> None:
+    told = Told.of(run_plan(fetch).events)
+    for arm in ("left", "right"):
+        told.add({"step": 1, "event": "belief", "revision": 1, "change": "grasped", "name": "tray1", "arm": arm})
+    said = [text for _, _, text, kind in model_of(told)["story"] if kind == "belief"]
+    assert said == ["The robot holds tray1."]
+
+
+def test_a_step_without_a_label_is_told_by_that_of_the_plan_that_performs_it() -> None:
+    node = TaskNode("Step1", "perform", None, parameters={"action": "Step1(object_acted_on=(cup1, cup2))"})
+    node.children.append(TaskNode("transport", "plan", node, parameters={"iri": "http://example.org/k#Transport"}))
+    labels = {"Transport": "transport a thing"}
+    assert Wording(labels).of(node) == "transport a thing (cup1, cup2)"
+    assert Wording({**labels, "Step1": "bring the cups"}).of(node) == "bring the cups"
+
+
 def test_a_story_tells_in_sentences_what_recoveries_decide() -> None:
     told = [text for _, _, text, _ in fetched(3)["story"]]
     assert "The step is not tried again: it has failed as often as its recovery allows." in told
@@ -203,7 +219,7 @@ def test_notes_of_a_run_and_the_remedy_for_a_missing_part_are_in_the_page() -> N
 def test_a_story_says_why_before_what_was_done_about_it() -> None:
     told = [text for _, _, text, _ in fetched(1)["story"]]
     why = told.index("Closing a gripper fails: the gripper closed on nothing.")
-    assert told[0] == "The plan fetch begins."
+    assert told[0] == "The plan begins: fetch."
     assert told[why + 1] == "The step that failed is tried again."
     assert told[-1] == "The plan is done after 2.5 s."
 

@@ -10,7 +10,7 @@ from planlang import Trace, VirtualHost, action, at_location, perform, run
 from planlang.designators import a_location, an_object
 from planlang.failures import ManipulationPoseUnreachable
 from planlang.runs import RunTree
-from planlang.runs.run_tree import belief_text
+from planlang.runs.run_tree import Changes, with_names
 from planlang.testing.script import Script
 from planlang.testing.scripted import ScriptedExecutive
 
@@ -71,7 +71,7 @@ def test_a_node_is_within_those_around_it() -> None:
             "stove1 on",
         ),
         ({"change": "moved", "name": "door1", "value": 0.01}, "door1 closed"),
-        ({"change": "led", "name": "door1", "value": 0.4}, "door1 open"),
+        ({"change": "led", "name": "door1", "value": 0.0}, "door1 closed"),
         ({"change": "released", "name": "cup1", "to": "patient1"}, "cup1 handed to patient1"),
         ({"change": "leads", "name": "door1"}, "door1 held by its handle"),
         ({"change": "seen", "name": "cup1"}, "cup1 seen"),
@@ -79,4 +79,35 @@ def test_a_node_is_within_those_around_it() -> None:
     ],
 )
 def test_a_change_of_the_belief_is_told_in_words(details: dict[str, Any], text: str) -> None:
-    assert belief_text(details) == text
+    assert Changes().text(details) == text
+
+
+@pytest.mark.parametrize(
+    ("values", "texts"),
+    [
+        ((0.2, 0.7), [None, "door1 being opened", "door1 released, open"]),
+        ((1.2, 0.4), [None, "door1 being closed", "door1 released, open"]),
+        ((0.4, 0.01), [None, "door1 closed", "door1 released"]),
+    ],
+)
+def test_a_door_in_the_hand_is_said_to_be_opened_or_closed(values: tuple[float, ...], texts: list[str]) -> None:
+    changes = Changes()
+    told = [changes.text({"change": "led", "name": "door1", "value": value}) for value in values]
+    assert [*told, changes.text({"change": "let go", "name": "door1"})] == texts
+
+
+def test_what_a_description_means_in_a_step_is_told_by_its_name() -> None:
+    tree = RunTree()
+    what = "Cup that is on(table1)"
+    tree.add({"step": 0, "event": "started", "node": 1, "parent": None, "kind": "plan", "name": "tidy"})
+    tree.add({"step": 0, "event": "means", "what": what, "name": "cup2", "within": "tidy/Bring"})
+    for number, name in ((2, "Bring"), (3, "Bring#2")):
+        tree.add({"step": 0, "event": "started", "node": number, "parent": 1, "kind": "perform", "name": name})
+    tree.add({"step": 1, "event": "means", "what": "Cup", "name": "cup3", "within": "tidy/Bring"})
+    asked = f"Bring(what={what}, by=in_front_of(Cup), to=Cupboard)"
+    assert tree.numbered[2].named(asked) == "Bring(what=cup2, by=in_front_of(cup3), to=Cupboard)"
+    assert tree.numbered[3].named(asked) == asked
+
+
+def test_a_description_that_begins_as_another_one_keeps_its_own_name() -> None:
+    assert with_names("Cup that is on(a), Cup", {"Cup": "cup1"}) == "Cup that is on(a), cup1"
