@@ -58,6 +58,8 @@ class Shape:
     """Surface of a shape of kind "mesh", whose vertices are duplicated along sharp edges."""
     outward: tuple[float, float, float] | None = None
     """For walls, the direction away from the room, in the frame of the body."""
+    raised: float = 0.0
+    """For walls, the height above the floor at which they begin [m]: lintels of doors and windows hang."""
 
 
 def looks_of_links(robot: Robot) -> dict[str, list[Shape]]:
@@ -283,11 +285,11 @@ class Drawn:
     """Computes the current pose in the parent's frame, or in the map."""
 
 
-def drawn_in(world: Truth | PlanningWorld, wall: Callable[[Shape], Shape] | None = None) -> tuple[Drawn, ...]:
+def drawn_in(world: Truth | PlanningWorld, wall: Callable[[Shape], Shape | None] | None = None) -> tuple[Drawn, ...]:
     """Collect all bodies of a world, with people's limbs one by one, and the links of its robot.
 
-    Walls are as ``wall`` makes them of complete ones: by default they are :func:`lowered`, so that one can look into
-    rooms.
+    Walls are as ``wall`` makes them of complete ones, and those left out for which it returns None. By default they are
+    :func:`lowered`, so that one can look into rooms.
     """
     drawn: list[Drawn] = []
     for name in world.names():
@@ -297,7 +299,7 @@ def drawn_in(world: Truth | PlanningWorld, wall: Callable[[Shape], Shape] | None
     return tuple(drawn)
 
 
-def _body(world: Truth | PlanningWorld, body: Body, wall: Callable[[Shape], Shape]) -> Iterator[Drawn]:
+def _body(world: Truth | PlanningWorld, body: Body, wall: Callable[[Shape], Shape | None]) -> Iterator[Drawn]:
     """Yield a body, then its limbs."""
     path, parts = ("bodies", body.name), [part for part, _ in world.pieces(body.name)]
     match body.shape:
@@ -307,12 +309,8 @@ def _body(world: Truth | PlanningWorld, body: Body, wall: Callable[[Shape], Shap
             still = still_pieces([part for part in parts if not part.limb])
             shapes = [_surface(piece, pose=pose) for pose, pieces in still for piece in pieces]
         case BodyShape.ROOM:
-            shapes = [
-                _part(part, _FLOOR)
-                if part.outward is None
-                else wall(Shape(SolidKind.BOX, part.size, part.offset, _WALL, outward=part.outward))
-                for part in parts
-            ]
+            made = (_part(part, _FLOOR) if part.outward is None else wall(_wall(part, body)) for part in parts)
+            shapes = [shape for shape in made if shape is not None]
         case _:
             shapes = list(_thing(body, parts))
     yield Drawn(path, tuple(shapes), partial(world.pose, body.name))
@@ -320,6 +318,11 @@ def _body(world: Truth | PlanningWorld, body: Body, wall: Callable[[Shape], Shap
     for order, k in enumerate(limbs):  # the right arm comes first
         pieces = limb_pieces(parts[k], -1 if 2 * order < len(limbs) else 1)
         yield Drawn((*path, f"limb{k}"), tuple(map(_surface, pieces)), partial(_limb, world, body.name, k))
+
+
+def _wall(part: Part, room: Body) -> Shape:
+    raised = part.offset.position[2] - part.size[2] / 2 + room.size[2] / 2
+    return Shape(SolidKind.BOX, part.size, part.offset, _WALL, outward=part.outward, raised=raised)
 
 
 def _limb(world: Truth | PlanningWorld, name: str, k: int) -> Pose:
@@ -363,10 +366,12 @@ def _bevelled(size: Size) -> Solid:
     return shaded([box(size, min(BEVEL * min(size), 0.01))])
 
 
-def lowered(wall: Shape) -> Shape:
-    """Cut off a wall at a low height."""
+def lowered(wall: Shape) -> Shape | None:
+    """Cut off a wall at a low height, above which nothing is left of it."""
     x, y, z = wall.size
-    low = min(_LOW, z)
+    low = min(_LOW - wall.raised, z)
+    if low <= 0.0:
+        return None
     return replace(wall, size=(x, y, low), pose=wall.pose @ Pose((0.0, 0.0, (low - z) / 2)))
 
 

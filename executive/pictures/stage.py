@@ -36,7 +36,8 @@ class _Wall:
     """A complete wall, and its lower edge, which is drawn instead where the wall would hide the room."""
 
     whole: Model
-    edge: Model
+    edge: Model | None
+    """None for a lintel, whose wall has an opening below."""
     middle: Array
     outward: Array
 
@@ -82,7 +83,8 @@ class Stage:
 
     def _wall(self, shape: Shape, owner: int) -> _Wall:
         """Model a wall. All walls of a room have the same owner, so that no lines are drawn where they meet."""
-        whole, edge = model_of([shape], owner), model_of([lowered(shape)], owner)
+        whole, low = model_of([shape], owner), lowered(shape)
+        edge = None if low is None else model_of([low], owner)
         return _Wall(
             whole, edge, np.asarray(shape.pose.position), rotated(shape.pose.rotation, np.asarray(shape.outward))
         )
@@ -95,12 +97,17 @@ class Stage:
             yield self._ground(poses)
 
     def walls(self, poses: Mapping[Path, Pose], view: View) -> Iterator[Model]:
-        """Yield the walls in the map frame; only the lower edges of those between the viewer and the room."""
+        """Yield the walls in the map frame; only the lower edges of those between the viewer and the room.
+
+        A plan from above has no lintels, which would close the doorways below them.
+        """
         for path, pose in poses.items():
             for wall in self._walls[path]:
                 away = np.asarray(view.eye) - moved(pose.matrix(), wall.middle)
                 is_before = float(away @ rotated(pose.rotation, wall.outward)) > 0
-                yield (wall.edge if is_before else wall.whole).at(pose)
+                shown = wall.edge if is_before or (wall.edge is None and view.width is not None) else wall.whole
+                if shown is not None:
+                    yield shown.at(pose)
 
     def _ground(self, poses: Mapping[Path, Pose]) -> Model:
         low, high = self.bounds(poses, poses)

@@ -13,11 +13,12 @@ from executive.options.declaring import view as checked
 from executive.pictures.rendering import View
 from executive.pictures.scene_picture import picture, save_picture
 from executive.pictures.stage import Stage
-from executive.pictures.viewpoints import subjects, view_of
+from executive.pictures.viewpoints import from_top, subjects, view_of
 from planlang.diagnostics import WrongOption
 from planlang.files import bundled
 from planlang.geometry import Pose
 from sim import Body, CameraModel, PyBulletWorld, RobotBody, Scene
+from sim.scene import Cavity
 
 AMIGO = RobotBody(bundled("ontologies") / "robots" / "amigo.urdf", CameraModel("base_link"))
 SMALL = (240, 160)
@@ -94,6 +95,25 @@ def test_of_walls_before_the_room_only_their_lower_edges_are_drawn(world: PyBull
             if x - wall.vertices[:, 0].min() < 0.2:
                 highest[eye[0], x > 0] = round(z, 6)
     assert highest == {(-9.0, True): 2.6, (-9.0, False): 0.12, (9.0, True): 0.12, (9.0, False): 2.6}
+
+
+def test_a_lintel_hangs_over_its_doorway_but_neither_in_a_plan_from_above_nor_over_a_wall_that_is_cut_off() -> None:
+    doorway = Cavity((3.05, 0.0, -0.25), (0.3, 0.9, 2.1))
+    room = Body("room", Pose((0.0, 0.0, 1.3)), (6.0, 6.0, 2.6), "room", cavities=(doorway,))
+    made = PyBulletWorld(Scene((room,)), AMIGO)
+    stage = Stage(made)
+    poses = stage.poses()
+
+    def over_doorway(view: View) -> list[bool]:
+        corners = [(wall.vertices.min(axis=0), wall.vertices.max(axis=0)) for wall in stage.walls(poses, view)]
+        return [bool(low[2] > 2.0) for low, high in corners if low[0] > 2.9 and low[1] <= 0.0 <= high[1]]
+
+    try:
+        assert over_doorway(View((-9.0, 0.0, 2.0), (0.0, 0.0, 0.5))) == [True], "seen from within the room"
+        assert over_doorway(View((9.0, 0.0, 2.0), (0.0, 0.0, 0.5))) == [], "seen from behind the wall"
+        assert over_doorway(from_top(stage, poses, 1.5)) == []
+    finally:
+        made.close()
 
 
 def test_a_view_is_a_name_or_one_or_two_points(world: PyBulletWorld) -> None:
