@@ -292,6 +292,10 @@ class KinematicScene:
         held = self.held.get(name)
         return () if held is None or held.on is not None else tuple(held.links)
 
+    def carrier(self, name: str) -> str | None:
+        """Held body on which a body stands, so that it moves with it; None for one in a hand, or a free one."""
+        return self.held[name].on if name in self.held else None
+
     def riders(self, name: str) -> tuple[str, ...]:
         """Bodies that move with a held one because they stand on it."""
         return tuple(rider for rider, held in self.held.items() if held.on == name)

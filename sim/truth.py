@@ -73,6 +73,9 @@ class Truth(Protocol):
     def attached(self) -> Mapping[str, str]:
         """Held body -> link of the robot that holds it (the first of several), or that holds what it stands on."""
 
+    def carrier(self, name: str) -> str | None:
+        """Held body on which a body stands, so that it moves with it; None for one in a hand, or a free one."""
+
     def led(self) -> Mapping[str, str]:
         """Door or drawer -> link of the robot that moves it."""
 

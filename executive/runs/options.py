@@ -138,7 +138,7 @@ def _opening(value: float, joint: Articulation) -> str:
 
 
 class Tilts:
-    """Watcher that measures the largest tilt [rad] of held things that have to stay upright.
+    """Watcher that measures the largest tilt [rad] of held things, and of those on them, that have to stay upright.
 
     Only of things that stood upright when grasped; not while they are in ``leaning``, as a step tilts them on purpose.
     """
@@ -149,6 +149,10 @@ class Tilts:
         self.limits: dict[str, float] = {}
         self._held: dict[str, bool] = {}
         """Held things -> whether they stood upright when grasped."""
+        self._ways: dict[str, list[str]] = {}
+        """How each thing was held: in a hand, or on what the robot carried."""
+        self._tilted: set[str] = set()
+        """Things that a step has tilted on purpose."""
 
     def __call__(self, world: Truth) -> None:
         """Measure after a step of the world."""
@@ -159,8 +163,14 @@ class Tilts:
                 x, y, _, _ = world.pose(name).orientation
                 tilt = math.acos(max(-1.0, 1.0 - 2.0 * (x * x + y * y)))
                 self._held[name] = before.get(name, tilt <= limit)
-                if self._held[name] and name not in self._leaning:
+                if name in self._leaning:
+                    self._tilted.add(name)
+                elif self._held[name]:
                     self.largest[name], self.limits[name] = max(tilt, self.largest.get(name, 0.0)), limit
+                    if name not in before or name not in self._ways:
+                        carrier = world.carrier(name)
+                        way = "held" if carrier is None else f"carried on {carrier}"
+                        self._ways[name] = list(dict.fromkeys((*self._ways.get(name, ()), way)))
 
     def degrees(self) -> dict[str, float]:
         """Largest tilt of each thing [degrees], to a tenth."""
@@ -171,7 +181,9 @@ class Tilts:
         for name, tilt in self.degrees().items():
             limit = math.degrees(self.limits[name])
             beyond = f"; {limit:g} are allowed" if tilt > limit else ""
-            yield f"{name}: leaned by at most {tilt:g} degrees while it was held{beyond}"
+            but = ", except when it was tilted on purpose" if name in self._tilted else ""
+            when = f"while it was {' and '.join(self._ways[name])}{but}"
+            yield f"{name}: leaned by at most {tilt:g} degrees {when}{beyond}"
 
 
 class EndedRun:

@@ -225,8 +225,7 @@ def with_names(text: str, meant: Mapping[str, str]) -> str:
     """Replace descriptions by class in a text by the names of the things that they mean."""
     for what in sorted(meant, key=len, reverse=True):
         if what in text:
-            name = meant[what]
-            text = re.sub(rf"(?<![\w-]){re.escape(what)}(?![\w-]| that is )", lambda _, name=name: name, text)
+            text = meant[what].join(re.split(rf"(?<![\w-]){re.escape(what)}(?![\w-]| that is )", text))
     return text
 
 

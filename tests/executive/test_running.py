@@ -36,6 +36,7 @@ from planlang.failures import NavigationGoalNotReached, ObjectUnreachable
 from planlang.files import Bundled, bundled
 from planlang.ontology import load
 from planlang.report import Told
+from planlang.report.wording import Wording
 from planlang.testing import Script, ScriptedExecutive
 from planlang.words import COMMAND_LINE, said
 from sim import PyBulletWorld
@@ -270,16 +271,21 @@ def test_a_bottle_outside_the_room_cannot_be_reached(tmp_path: Path) -> None:
 def test_the_ending_of_a_run_has_the_reason_of_the_page_or_the_steps_and_the_state(served: Served) -> None:
     lines = served.trace.read_text(encoding="utf-8").splitlines()
     told = Told.of(map(json.loads, lines))
-    first, steps, state = ending_of(told, "done", "done", 31.5, ["bottle1: held by patient1", "door1: closed"])
+    first, steps, state = ending_of(
+        told, Wording(), "done", "done", 31.5, ["bottle1: held by patient1", "door1: closed"]
+    )
     assert (first, state) == ("done after 31.50 s", "bottle1: held by patient1; door1: closed")
     assert steps.endswith("Hand over bottle")
-    assert ending_of(told, "failed", "RunError: no\n  more", 1.0, []) == ("failed after 1.00 s", "RunError: no")
+    assert ending_of(told, Wording(), "failed", "RunError: no\n  more", 1.0, []) == (
+        "failed after 1.00 s",
+        "RunError: no",
+    )
     told.tree.roots[0].failure = {
         "type": "ObjectUnreachable",
         "message": "the object cannot be reached",
         "cause": {"type": "MissingCapability", "message": "the robot has no camera", "cause": None},
     }
-    assert ending_of(told, "failed", "", 1.0, [])[1] == "the robot has no camera"
+    assert ending_of(told, Wording(), "failed", "", 1.0, [])[1] == "the robot has no camera"
 
 
 def test_a_picture_of_a_failure_is_about_what_was_in_the_way() -> None:
@@ -426,7 +432,7 @@ def test_a_run_ends_with_what_a_listener_raises_and_the_others_are_told_on() -> 
         ),
         ({"event": "belief", "change": "seen", "name": "bottle1"}, "  belief: bottle1 seen"),
         ({"event": "belief", "change": "leads", "name": "drawer1"}, "  belief: drawer1 held by its handle"),
-        ({"event": "belief", "change": "led", "name": "drawer1", "value": 0.4}, "  belief: drawer1 open"),
+        ({"event": "belief", "change": "led", "name": "drawer1", "value": 0.4}, None),
         ({"event": "belief", "change": "led", "name": "drawer1", "value": 0.0}, "  belief: drawer1 closed"),
         ({"event": "belief", "change": "let go", "name": "drawer1"}, "  belief: drawer1 released"),
         ({"event": "belief", "change": "switched", "name": "table1", "state": "Clean"}, "  belief: table1 Clean"),
@@ -455,7 +461,7 @@ def test_what_is_so_already_is_not_said_again() -> None:
     for step, value in enumerate((0.1, 0.2, 0.0, 0.3), 6):
         tell({"step": step, "event": "belief", "change": "led", "name": "door1", "value": value}, None)
     tell({"step": 10, **up}, None)
-    doors = [f"  belief: door1 {how}" for how in ("open", "closed", "open")]
+    doors = [f"  belief: door1 {how}" for how in ("being opened", "closed", "being opened")]
     assert said == ["failed: GraspMissed: no", "the recovery gives up", *doors, "the recovery gives up"]
 
 
@@ -484,6 +490,35 @@ def test_how_far_a_thing_leaned_is_told_if_it_stood_when_it_was_grasped(first: f
         turn = (math.sin(lean / 2), 0.0, 0.0, math.cos(lean / 2))
         poses, bodies = {"cup": SimpleNamespace(orientation=turn)}, {"cup": SimpleNamespace(largest_tilt=0.26)}
         scene = SimpleNamespace(body=bodies.__getitem__)
-        world = SimpleNamespace(attached=lambda: ["cup"], scene=scene, pose=poses.__getitem__)
+        world = SimpleNamespace(
+            attached=lambda: ["cup"], carrier=lambda name: None, scene=scene, pose=poses.__getitem__
+        )
         watched(cast(PyBulletWorld, world))
     assert len(list(watched.lines())) == lines
+
+
+@pytest.mark.parametrize(
+    ("carriers", "leaning", "how"),
+    [
+        ([None, None], [False, False], "held"),
+        (["tray", "tray"], [False, False], "carried on tray"),
+        ([None, "tray"], [False, False], "held and carried on tray"),
+        ([None, None], [False, True], "held, except when it was tilted on purpose"),
+    ],
+    ids=["in the hand", "on a tray", "in the hand, then on a tray", "for pouring"],
+)
+def test_how_a_thing_was_held_while_it_leaned_is_told(
+    carriers: list[str | None], leaning: list[bool], how: str
+) -> None:
+    on_purpose: set[str] = set()
+    watched = Tilts(on_purpose)
+    for carrier, leans in zip(carriers, leaning, strict=True):
+        on_purpose |= {"cup"} if leans else set()
+        scene = SimpleNamespace(body=lambda name: SimpleNamespace(largest_tilt=0.26))
+        pose = SimpleNamespace(orientation=(0.0, 0.0, 0.0, 1.0))
+        world = SimpleNamespace(
+            attached=lambda: ["cup"], carrier=lambda name, on=carrier: on, scene=scene, pose=lambda name, at=pose: at
+        )
+        watched(cast(PyBulletWorld, world))
+        watched(cast(PyBulletWorld, SimpleNamespace(attached=lambda: [])))  # it is let go
+    assert list(watched.lines()) == [f"cup: leaned by at most 0 degrees while it was {how}"]
