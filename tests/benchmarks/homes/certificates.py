@@ -22,7 +22,7 @@ from tests.benchmarks.homes.furnishing import Rectangle
 from tests.benchmarks.homes.grips import ENDS, PITCHES, TAKEN, Grips, Hands, around, slants
 from tests.benchmarks.homes.nearest import Aim, Nearest
 from tests.benchmarks.homes.tasks import Need
-from tests.support.locations.dense_sampler import Joints, way_from, way_of_two
+from tests.support.locations.dense_sampler import PRESSED, Joints, way_from, way_of_two
 from tests.support.locations.oracle import Oracle
 from tests.support.locations.plates import fingers_ahead
 from tests.support.locations.ways import Ways
@@ -302,6 +302,8 @@ class Search:
             chosen = free[self.rng.integers(len(free), size=len(bases))]
             q, good = chain.solve(back @ chosen[:, 1], self._anywhere(chain, len(bases)))
             for row in np.flatnonzero(good):
+                if not self._drives_to(bases[row].tolist(), ways):
+                    continue
                 # both arms may stand on one torso
                 shared = {name: value for name, value in zip(chain.names, q[row], strict=True) if name in second.names}
                 held, others = chain.held(shared), second.held(shared)
@@ -315,6 +317,12 @@ class Search:
                     if way_of_two(self.oracle, ways, (x, y, yaw), hands, body.name):
                         return True
         return False
+
+    def _drives_to(self, base: Sequence[float], ways: Ways) -> bool:
+        """Return True if the base, in the posture in which it drives, stands free at a place and gets there."""
+        place = (base[0], base[1], base[2])
+        self.oracle.place(place, self.oracle.posture)
+        return self.oracle.touched(depth=PRESSED) is None and ways.lead_to(place)
 
     def _anywhere(self, chain: Joints, number: int) -> Array:
         """Draw joint values (n, d) of a chain."""
