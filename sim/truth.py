@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -13,12 +14,13 @@ from sim.bodies import Part
 from sim.leaves import inside
 from sim.robot import Robot
 from sim.scene import BodyShape, Scene
+from sim.tolerances import RESTS, SHUT_SHARE, TILT
+
+if TYPE_CHECKING:
+    from sim.people import ComfortZone
 
 ROBOT = "robot"
 """Name of the robot in the results of :func:`held_by`."""
-
-RESTS = 0.005
-"""Largest gap to its support at which a body still rests on it [m]."""
 
 
 class Truth(Protocol):
@@ -82,6 +84,9 @@ class Truth(Protocol):
     def taken(self, name: str) -> str | None:
         """Person who pulls at a body or has it, if any."""
 
+    def person(self, name: str) -> ComfortZone:
+        """Comfort zone of a person, in which the person takes things."""
+
     def falling(self, name: str) -> bool:
         """Whether a body is falling."""
 
@@ -116,3 +121,36 @@ def is_inside(world: Truth, name: str, other: str) -> bool:
     if body.shape is BodyShape.ROOM or not (body.cavities or body.wall):
         return False
     return bool(inside(world.pose(other), body.size, np.array([world.pose(name).position]))[0])
+
+
+def is_centred_in(world: Truth, name: str, other: str) -> bool:
+    """Check whether the centre of a body is within the box of another; a room's is its interior."""
+    size = world.scene.body(other).size
+    return bool(inside(world.pose(other), size, np.array([world.pose(name).position]))[0])
+
+
+def is_on(world: Truth, name: str, support: str, before: Pose | None = None) -> bool:
+    """Check whether a body is at rest on another, and not toppled since it had a pose ``before``."""
+    return at_rest_on(world, name) == support and not is_toppled(world, name, before)
+
+
+def is_toppled(world: Truth, name: str, before: Pose | None) -> bool:
+    """Check whether a body is tilted by more than the tolerance beyond its tilt ``before``."""
+    return tilt(world.pose(name)) > TILT + (0.0 if before is None else tilt(before))
+
+
+def tilt(pose: Pose) -> float:
+    """Return the angle between up and the z axis of a pose [rad]."""
+    x, y, _, _ = pose.orientation
+    return math.acos(max(-1.0, 1.0 - 2.0 * (x * x + y * y)))
+
+
+def opened(world: Truth, leaf: str) -> float:
+    """Return how far a door, drawer or lid is open, as a share of its range; ``KeyError`` if there is none."""
+    joints = {joint.leaf: joint for joint in world.scene.joints}
+    return abs(world.joint(leaf)) / joints[leaf].upper
+
+
+def is_closed(world: Truth, leaf: str) -> bool:
+    """Check whether a door, drawer or lid is closed, within the tolerance."""
+    return opened(world, leaf) <= SHUT_SHARE

@@ -4,26 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from executive.belief.belief import Belief
 from executive.belief.scene_part import Kept, ScenePart
+from executive.maps import SemanticMap
 from executive.maps.hollow import room_behind
+from executive.maps.scene_bodies import SceneBodies
 from planlang.designators import Object
-from planlang.failures import LocationUnresolvable, ObjectUnresolvable
+from planlang.failures import ObjectUnresolvable
 from planlang.geometry import Array, Pose
-from planlang.geometry.areas import Block, Door
+from planlang.geometry.areas import Block
 from planlang.protocols import Touch
 from planlang.state.matter import KG_PER_ML
 from sim import Body, ComfortZone, WorldMirror
 from sim.joints import Articulation, JointKind
 from sim.leaves import inside
 from sim.scene import GRASPABLE_WIDTH, LONGEST, BodyShape
-
-LEANING = 0.05
-"""Largest tilt of a top that counts as level [rad]: a bottle put down on it stays where it is."""
 
 MEANT = 0.03
 """Distance from a touch of the fingers up to which a believed object explains it [m]."""
@@ -44,12 +42,26 @@ def _nearest(distances: Mapping[str, float], within: float) -> str | None:
     return nearest if nearest is not None and distances[nearest] <= within else None
 
 
-class BelievedBodies(ScenePart):
+class BelievedBodies(ScenePart, SceneBodies):
     """Bodies of the believed world, by name."""
 
     def __init__(self, mirror: WorldMirror, belief: Belief) -> None:
         super().__init__(mirror, belief)
         self._masses: Kept[dict[str, float]] = Kept()
+
+    @property
+    def map(self) -> SemanticMap:
+        """The map that the belief began with, and learns from."""
+        return self._belief.map
+
+    @property
+    def joints(self) -> Mapping[str, Articulation]:
+        """Leaf -> its joint, as it is believed."""
+        return self._belief.joints
+
+    def body(self, name: str) -> Body:
+        """Look up the description of a body."""
+        return self._world.scene.body(name)
 
     def bind(self, what: Object) -> str:
         """Resolve an object designator to a body. Raises ObjectUnresolvable."""
@@ -76,37 +88,9 @@ class BelievedBodies(ScenePart):
         """Look up the believed map pose of a body; of a held one, where it was grasped."""
         return self._belief.reference_pose(name)
 
-    def size(self, name: str) -> tuple[float, float, float]:
-        """Look up the extents of a body's box along its axes [m]."""
-        return self._world.size(name)
-
-    def block(self, name: str) -> Block:
-        """Compute the block of a body at its believed pose; of a held one, where it was grasped.
-
-        Raises LocationUnresolvable if that pose is invalid.
-        """
-        pose, size = self.pose(name), self.size(name)
-        if not all(map(math.isfinite, (*pose.position, *pose.orientation, *size))):
-            problem = f"the pose or size of {name} is not finite: {pose}, {size}"
-            raise LocationUnresolvable(problem, designator=name)
-        if abs(math.hypot(*pose.orientation) - 1) > 1e-3:
-            problem = f"the orientation of {name} is not a unit quaternion: {pose.orientation}"
-            raise LocationUnresolvable(problem, designator=name)
-        body, block = self._world.scene.body(name), Block.of(pose, size, cylinder=self.is_round(name))
-        stands = float(pose.rotation[2, 2]) >= math.cos(LEANING)
-        return replace(block, wall=body.wall, soft=body.soft) if stands and (body.wall or body.soft) else block
-
     def grips(self, name: str) -> tuple[Block, ...]:
         """List the blocks on which a hand can close: the body itself, and its handles."""
-        return (self.block(name), *handles_of(self._world.scene.body(name), self.pose(name)))
-
-    def is_person(self, name: str) -> bool:
-        """Check whether a body is a person."""
-        return self._world.scene.body(name).shape is BodyShape.PERSON
-
-    def is_room(self, name: str) -> bool:
-        """Check whether a body is a room, which contains all others."""
-        return self._world.scene.body(name).shape is BodyShape.ROOM
+        return (self.block(name), *handles_of(self.body(name), self.pose(name)))
 
     def as_obstacle(self, name: str) -> str:
         """Name in words what is in the way: a body, known or not, or a link of the robot."""
@@ -114,13 +98,9 @@ class BelievedBodies(ScenePart):
             return "the robot itself"
         return f"a wall of {name}" if name in self.names() and self.is_room(name) else name
 
-    def is_graspable(self, name: str) -> bool:
-        """Check whether a hand can grasp a body."""
-        return self._world.scene.body(name).graspable
-
     def ungraspable(self, name: str) -> str:
         """Describe why no hand can grasp a body, as a predicate: "is 0.4 m wide, and ..."."""
-        body = self._world.scene.body(name)
+        body = self.body(name)
         if body.shape not in (BodyShape.BOX, BodyShape.CYLINDER):
             return "is not an object that a hand can grasp"
         if not body.movable and (min(body.size[:2]) <= GRASPABLE_WIDTH or max(body.size) > LONGEST):
@@ -175,11 +155,11 @@ class BelievedBodies(ScenePart):
 
     def load(self, name: str) -> float:
         """Compute the share of :meth:`mass` that is in a body or on it [kg]."""
-        return round(self.mass(name) - self._world.scene.body(name).mass, 3)
+        return round(self.mass(name) - self.body(name).mass, 3)
 
     def hands(self, name: str) -> int:
         """Look up how many hands it takes to hold a body."""
-        return self._world.scene.body(name).hands
+        return self.body(name).hands
 
     def is_held(self, name: str) -> bool:
         """Check whether a hand is believed to hold a body."""
@@ -187,18 +167,10 @@ class BelievedBodies(ScenePart):
 
     def is_movable(self, name: str) -> bool:
         """Check whether a body may stand elsewhere than in the map."""
-        return self._world.scene.body(name).movable
+        return self.body(name).movable
 
     def _nearest(self, point: Array, names: Iterable[str], within: float) -> str | None:
         return _nearest({name: self.block(name).away(point) for name in names}, within)
-
-    def is_round(self, name: str) -> bool:
-        """Check whether a body is a cylinder."""
-        return self._world.scene.body(name).shape is BodyShape.CYLINDER
-
-    def is_solid(self, name: str) -> bool:
-        """Check whether a body can be touched, which a marker cannot."""
-        return self._world.scene.body(name).shape is not BodyShape.MARKER
 
     def names(self) -> Sequence[str]:
         """List all bodies."""
@@ -227,36 +199,6 @@ class BelievedBodies(ScenePart):
         support = self._world.support(name)
         return support if support in self._world.names() else None
 
-    def rests_at(self, name: str) -> float | None:
-        """Compute the height of a body's level top, or of a room's floor, to put objects on [m]; None without one."""
-        shape, block = self._world.scene.body(name).shape, self.block(name)
-        if shape is BodyShape.ROOM:
-            return block.low
-        leans = np.abs(self.pose(name).matrix()[2, :3]).max() < math.cos(LEANING)
-        lying = shape is BodyShape.CYLINDER and not block.round
-        return None if shape in (BodyShape.PERSON, BodyShape.MARKER) or leans or lying else block.high
-
-    def front(self, name: str) -> float | None:
-        """Compute the heading of a body's front: a person's facing, the side of a door, or the x axis of furniture.
-
-        None for graspable and round bodies, rooms and markers.
-        """
-        body = self._world.scene.body(name)
-        if body.shape is BodyShape.PERSON:
-            return self.zone(name).heading
-        if body.graspable or body.shape in (BodyShape.CYLINDER, BodyShape.MARKER, BodyShape.ROOM):
-            return None
-        block = self.block(name)
-        for door in self.doors(name):
-            if door.name != name:  # the side of the box that the door's middle is nearest to
-                middle = np.array([[door.x, door.y]]) + door.width / 2 * np.array(
-                    [[math.cos(door.heading), math.sin(door.heading)]]
-                )
-                x, y = block.to_local(middle)[0] / np.array([block.half_x, block.half_y])
-                turn = (0.0 if x > 0 else math.pi) if abs(x) >= abs(y) else math.copysign(math.pi / 2, y)
-                return block.yaw + turn
-        return block.yaw
-
     def below_rim(self, name: str) -> float:
         """Compute how far a body's bottom is below the rim of the drawer, box or vessel that encloses it [m].
 
@@ -268,7 +210,7 @@ class BelievedBodies(ScenePart):
 
     def _rim(self, name: str, point: Array) -> float:
         """Compute the height of a body's rim around a point (3,) inside it [m]; -inf if it does not enclose it."""
-        body = self._world.scene.body(name)
+        body = self.body(name)
         if body.shape in (BodyShape.ROOM, BodyShape.MARKER) or not (body.cavities or body.wall):
             return -math.inf
         half = np.array(self.size(name)) / 2
@@ -340,38 +282,3 @@ class BelievedBodies(ScenePart):
         joints = [joint for leaf, joint in self._belief.joints.items() if name in (leaf, joint.holder)]
         doors = [one for one in joints if one.leaf == name or (one.kind is JointKind.HINGED and not one.is_knob)]
         return [one.leaf for one in doors if one.is_shut(self._belief.joint(one.leaf))], len(doors)
-
-    def doors(self, name: str) -> Sequence[Door]:
-        """Find the doors that a body is or has: objects of the class Door, itself, hinged to it, or parts of it."""
-        known = {thing.iri: thing for thing in self._belief.map.objects}
-        things = [thing for thing in known.values() if thing.name == name and self._is_door(thing.types)]
-        own = next((thing for thing in known.values() if thing.name == name), None)
-        if own is not None and not things:
-            hinged = (thing for thing in known.values() if own.iri in thing.hinged_to or thing.iri in own.parts)
-            things = [thing for thing in hinged if self._is_door(thing.types)]
-        return [self._door(thing.name, name) for thing in things if thing.name in self._belief.names()]
-
-    def _is_door(self, types: Sequence[str]) -> bool:
-        return self._belief.map.ontology.any_is_a(types, ("Door", "DoorwayCovering"))
-
-    def _door(self, name: str, owner: str) -> Door:
-        """Build a closed door; without a joint, its hinge is assumed at the edge nearer to a side of its owner."""
-        joint = self._belief.joints.get(name)
-        if joint is not None and joint.kind is JointKind.HINGED and abs(joint.axis[2]) > 0.7:
-            closed, (x, y, _) = self._world.scene.body(name), joint.point
-            heading = math.atan2(closed.pose.position[1] - y, closed.pose.position[0] - x)
-            return Door(name, x, y, 2 * math.dist(closed.pose.position[:2], (x, y)), heading)
-        leaf = self.block(name)
-        along = leaf.yaw if leaf.half_x >= leaf.half_y else leaf.yaw + math.pi / 2
-        half = max(leaf.half_x, leaf.half_y)
-        hinge = -1.0
-        if owner != name:
-            frame = self.block(owner)
-            edges = np.array(
-                [[leaf.x + s * half * math.cos(along), leaf.y + s * half * math.sin(along)] for s in (-1, 1)]
-            )
-            gaps = np.array([frame.half_x, frame.half_y]) - np.abs(frame.to_local(edges))
-            axis = int(np.argmax(np.abs(np.diff(frame.to_local(edges), axis=0))[0]))
-            hinge = -1.0 if gaps[0, axis] <= gaps[1, axis] else 1.0
-        x, y = leaf.x + hinge * half * math.cos(along), leaf.y + hinge * half * math.sin(along)
-        return Door(name, x, y, 2 * half, along if hinge < 0 else along + math.pi)

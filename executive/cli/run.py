@@ -37,4 +37,6 @@ def _answer(result: RunResult, diagnostics: tuple[Diagnostic, ...]) -> Answer:
         Outcome.LACKS_CAPABILITY: ExitCode.MISSING_CAPABILITY,
         Outcome.INTERRUPTED: ExitCode.INTERRUPTED,
     }[result.outcome]
+    if result.claimed and not result.reached:
+        code = ExitCode.FAILED
     return Answer(code, diagnostics, str(result), result.as_json())

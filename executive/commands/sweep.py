@@ -25,7 +25,7 @@ from executive.sweeps.jobs import READS_RUN, RUNS
 from executive.sweeps.records import LIMITS, Done, of_variant
 from executive.sweeps.results import check_results, page_file, pages_of, write_results
 from executive.sweeps.variants import Variant, variants_of
-from planlang.diagnostics import BadInput, Diagnostic, warning
+from planlang.diagnostics import BadInput, Diagnostic, WrongOption, warning
 from planlang.language.source import PlanSource
 from planlang.shell import quoted
 from planlang.words import COMMAND_LINE, Blank, Option, Text, calling
@@ -104,6 +104,8 @@ class _Part:
         try:
             self.files = prepared(self._run)
             self._other = None if self.options.python is None else installation(self.options.python)
+            if any(map(callable, self.options.goal or ())):
+                raise WrongOption(Option("goal"), ": in the processes of its worlds, goals are phrases only")
             if self._other is not None:
                 check_options(self._other, self._given)
         except BadInput as problem:

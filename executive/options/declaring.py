@@ -327,6 +327,14 @@ def _settings(texts: Sequence[str]) -> Iterator[tuple[str, Span | None]]:
                 yield line, Span(text[1:], number)
 
 
+def goals(given: Any) -> list[Any]:
+    """Check goals: phrases or, in a program, also functions of the true world. Raises WrongOption."""
+    each = [given] if isinstance(given, str) or callable(given) else list(given)
+    if not all(isinstance(one, str) or callable(one) for one in each):
+        raise WrongOption(Option("goal"), ": write a phrase such as 'cabinet1 closed', or a function of the true world")
+    return each
+
+
 def shard(given: Any) -> tuple[int, int]:
     """Number of a part and of all parts, of a text "k/n" or of both. Raises WrongOption."""
     try:

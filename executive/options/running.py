@@ -15,6 +15,7 @@ from executive.options.declaring import (
     argument,
     bindings,
     declared,
+    goals,
     name,
     names,
     option,
@@ -105,6 +106,17 @@ Set = Annotated[
         "binding per line of a file. Repeatable.",
         parse=bindings,
         is_repeatable=True,
+    ),
+]
+Goals = Annotated[
+    list[Any] | None,
+    option(
+        metavar="GOAL",
+        help="What has to hold in the simulated world after the plan, such as 'bottle1 held by patient1', 'cabinet1 "
+        "closed' or '3 Cup on table1'. Repeatable.",
+        parse=goals,
+        is_repeatable=True,
+        in_header=InHeader("goals"),
     ),
 ]
 Trust = Annotated[bool, option(help="Run Python code pulled from a server; read it first.")]
@@ -243,6 +255,7 @@ class SituationSettings(TaskOptions):
             in_header=InHeader("unknown"),
         ),
     ] = None
+    goal: Goals = None
     no_recoveries: Annotated[
         bool,
         option(

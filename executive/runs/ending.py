@@ -27,9 +27,10 @@ def ending_of(
         failures, root = Failures(told.tree, told.reasons), told.tree.roots[0].number if told.tree.roots else 0
         place = failures.index.get(root)
         return first, str(failures.table[place]["headline"]) if place is not None else message.partition("\n")[0]
+    said = message.partition("\n")[0] if message != outcome else ""  # a goal does not hold
     steps = [name for name, _ in groupby(capital(wording.step(node)) for node in _steps(told.tree.roots))]
     listed = [*steps[:MOST], *([f"{len(steps) - MOST} more"] if len(steps) > MOST else [])]
-    return tuple(line for line in (first, ", ".join(listed), "; ".join(state)) if line)
+    return tuple(line for line in (first, said, ", ".join(listed), "; ".join(state)) if line)
 
 
 def _steps(nodes: Iterable[TaskNode]) -> Iterator[TaskNode]:

@@ -31,9 +31,10 @@ from planlang.runs.trace import Listener
 from planlang.temporary import temporary_folder
 from planlang.words import joined
 from sim.joints import Articulation, JointKind
-from sim.truth import ROBOT, Truth, at_rest_on, held_by, is_inside
+from sim.truth import ROBOT, Truth, at_rest_on, held_by, is_inside, tilt
 
 if TYPE_CHECKING:
+    from executive.goals.deciding import Verdict
     from executive.runs.assembly import RobotExecutive
     from executive.runs.explanation import Explanation
 
@@ -160,13 +161,12 @@ class Tilts:
         for name in world.attached():
             limit = world.scene.body(name).largest_tilt
             if limit is not None:
-                x, y, _, _ = world.pose(name).orientation
-                tilt = math.acos(max(-1.0, 1.0 - 2.0 * (x * x + y * y)))
-                self._held[name] = before.get(name, tilt <= limit)
+                angle = tilt(world.pose(name))
+                self._held[name] = before.get(name, angle <= limit)
                 if name in self._leaning:
                     self._tilted.add(name)
                 elif self._held[name]:
-                    self.largest[name], self.limits[name] = max(tilt, self.largest.get(name, 0.0)), limit
+                    self.largest[name], self.limits[name] = max(angle, self.largest.get(name, 0.0)), limit
                     if name not in before or name not in self._ways:
                         carrier = world.carrier(name)
                         way = "held" if carrier is None else f"carried on {carrier}"
@@ -174,16 +174,16 @@ class Tilts:
 
     def degrees(self) -> dict[str, float]:
         """Largest tilt of each thing [degrees], to a tenth."""
-        return {name: round(math.degrees(tilt), 1) for name, tilt in self.largest.items()}
+        return {name: round(math.degrees(angle), 1) for name, angle in self.largest.items()}
 
     def lines(self) -> Iterator[str]:
         """Yield a line for each thing."""
-        for name, tilt in self.degrees().items():
+        for name, angle in self.degrees().items():
             limit = math.degrees(self.limits[name])
-            beyond = f"; {limit:g} are allowed" if tilt > limit else ""
+            beyond = f"; {limit:g} are allowed" if angle > limit else ""
             but = ", except when it was tilted on purpose" if name in self._tilted else ""
             when = f"while it was {' and '.join(self._ways[name])}{but}"
-            yield f"{name}: leaned by at most {tilt:g} degrees {when}{beyond}"
+            yield f"{name}: leaned by at most {angle:g} degrees {when}{beyond}"
 
 
 class EndedRun:
@@ -248,13 +248,25 @@ class RunResult:
     tilts: Tilts = field(default_factory=Tilts, repr=False)
     """Largest tilts of carried things from upright, in the true world."""
     seed: int = 0
+    goals: tuple[Verdict, ...] = ()
+    """Whether each goal of the run holds in the true world; empty if none was stated or declared."""
     ended: EndedRun | None = field(default=None, repr=False, compare=False)
     """Shows the run; None if it did not begin."""
 
     @property
-    def succeeded(self) -> bool:
-        """True if the plan ended without a failure."""
+    def claimed(self) -> bool:
+        """True if the plan ended without a failure, whatever is so in the world."""
         return self.outcome is Outcome.DONE
+
+    @property
+    def reached(self) -> bool:
+        """True if every goal holds in the true world, whatever the plan says; without goals as ``claimed``."""
+        return all(one.holds for one in self.goals) if self.goals else self.claimed
+
+    @property
+    def succeeded(self) -> bool:
+        """True if the plan ended without a failure, and every goal holds in the true world."""
+        return self.claimed and self.reached
 
     @property
     def is_interrupted(self) -> bool:
@@ -275,12 +287,19 @@ class RunResult:
         return () if self.ended is None else self.ended.records()
 
     @property
+    def goal_columns(self) -> dict[str, bool]:
+        """Columns of the row of a sweep: whether the goals hold, and what the plan claims; empty without goals."""
+        return {"reached": self.reached, "claimed": self.claimed} if self.goals else {}
+
+    @property
     def row(self) -> dict[str, Any]:
-        """The run as a row of a table: seed, outcome, succeeded, duration [s], failure (its class) and reason."""
+        """The run as a row of a table: seed, outcome, succeeded, claimed, reached, duration [s], failure and reason."""
         return {
             "seed": self.seed,
             "outcome": self.outcome.value,
             "succeeded": self.succeeded,
+            "claimed": self.claimed,
+            "reached": self.reached,
             "duration": round(self.duration, 3),
             "failure": None if self.failure is None else self.failure.type,
             "reason": None if self.failure is None else str(self.failure),
@@ -291,8 +310,11 @@ class RunResult:
         return {
             "outcome": self.outcome.value,
             "succeeded": self.succeeded,
+            "claimed": self.claimed,
+            "reached": self.reached,
             "failure": None if self.failure is None else self.failure.as_json(),
             "message": self.message,
+            "goals": [one.as_json() for one in self.goals],
             "final_state": list(self.final_state),
             "largest_tilts": self.tilts.degrees(),
             "duration": self.duration,
@@ -329,7 +351,8 @@ class RunResult:
         return self.ended
 
     def __str__(self) -> str:
-        return joined("\n", (line for line in (self.message, *self.final_state, *self.tilts.lines()) if line))
+        goals = (str(one) for one in self.goals if not (one.declared and one.holds))  # a recipe says that again
+        return joined("\n", (line for line in (self.message, *goals, *self.final_state, *self.tilts.lines()) if line))
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
         """Page of the run, for notebooks; text only if it cannot be repeated."""

@@ -48,7 +48,7 @@ class Outputs(Written):
         self._track = PoseTrack(self._noted)
         """Collects poses for all files that need them."""
         self._failure: PlanFailure | None = None
-        self._ended = "", ""
+        self._ended = "", "", 0.0
         self._poses: PoseLog | None = None
         self._ending: Callable[..., tuple[str, ...]] | None = None
         """Captions of pictures and videos, made from the run's records."""
@@ -135,9 +135,9 @@ class Outputs(Written):
         if self._poses is not None:
             self._poses.begin()
 
-    def save(self, outcome: str, message: str, failure: PlanFailure | None = None) -> None:
-        super().save(outcome, message, failure)
-        self._failure, self._ended = failure, (outcome, message)
+    def save(self, outcome: str, message: str, failure: PlanFailure | None, seconds: float) -> None:
+        super().save(outcome, message, failure, seconds)
+        self._failure, self._ended = failure, (outcome, message, seconds)
         if self._noted:
             self._track.note(self._truth)
         self._shown.close()
@@ -163,9 +163,8 @@ class Outputs(Written):
 
     def _caption(self, names: Sequence[str]) -> tuple[str, ...]:
         assert self._ending is not None
-        seconds = self._truth.steps / self._truth.rate
         held = still_held(self._platform) if self._failure is not None else {}
-        return self._ending(*self._ended, seconds, state_lines(self._truth, names, held))
+        return self._ending(*self._ended, state_lines(self._truth, names, held))
 
 
 def names_in(failure: PlanFailure) -> Iterator[str]:

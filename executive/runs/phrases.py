@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from executive.maps import SemanticMap
 from planlang.designators import Location, Object, Person
 from planlang.diagnostics import BadInput, Span, error
@@ -9,8 +11,11 @@ from planlang.ontology import shorten
 from planlang.phrases import Lexicon, read_location, write_thing
 
 
-def lexicon_of(semantic_map: SemanticMap) -> Lexicon:
-    """Make the lexicon of a map: its things by name, the classes of its ontology by their words."""
+def lexicon_of(semantic_map: SemanticMap, substances: Iterable[str] = ()) -> Lexicon:
+    """Make the lexicon of a map: its things by name, the classes of its ontology by their words.
+
+    ``substances`` are further classes, of what is in vessels.
+    """
     ontology = semantic_map.ontology
     things: dict[str, Object] = {}
     for thing in semantic_map.objects:
@@ -18,7 +23,7 @@ def lexicon_of(semantic_map: SemanticMap) -> Lexicon:
             cls = next((cls for cls in thing.types if not cls.endswith("#NamedIndividual")), "Thing")
             kind = Person if semantic_map.is_a(thing, "Person") else Object
             things[thing.name] = kind(shorten(cls), thing.iri)
-    return Lexicon.of(ontology, things)
+    return Lexicon.of(ontology, things, substances)
 
 
 def read_phrase(phrase: str, semantic_map: SemanticMap, file: str) -> Location:

@@ -44,6 +44,11 @@ class Subject:
     there: TrueWorld | None = None
     """The true world; None if that is as the map."""
 
+    @property
+    def in_truth(self) -> tuple[SemanticMap, Scene]:
+        """The map and the bodies of what is there in truth, whose names goals have."""
+        return (self.map, self.scene) if self.there is None else (self.there.map, self.there.scene)
+
 
 @dataclass(frozen=True, slots=True)
 class ActionBefore:

@@ -10,17 +10,19 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from executive.goals import Judge, Verdict
 from executive.maps import scene_of
 from executive.maps.in_hand import in_hands
 from executive.maps.recognition_models import GivenPart, read_given_parts, with_given_parts
 from executive.modules.bundled import bundled_registry
 from executive.modules.platform import Platform
 from executive.options.running import RunSettings, header_entries, settings_from_header
-from executive.robots import FindingKind, Missing, Robot, bind_robot, missing_capabilities, trusting_map
+from executive.robots import Missing, Robot, bind_robot, missing_capabilities, trusting_map
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of
 from executive.runs.failure import Failure, line_of_user
 from executive.runs.files import RecipeFile
+from executive.runs.judging import contradicted, in_a_line, phrases_of, stated_goals
 from executive.runs.options import EndedRun, Outcome, RunOptions, RunResult, Tilts, state_lines
 from executive.runs.parameters import (
     Bound,
@@ -45,16 +47,14 @@ from executive.runs.plan_files import (
     without_module,
 )
 from executive.runs.prepared import Inputs, RunFiles, prepared, read_environment
-from executive.runs.remedies import able_robots, absent_things, call_of, call_to_ask_why, call_to_pass_on, performing
+from executive.runs.remedies import able_robots, absent_things, call_of, call_to_ask_why, call_to_pass_on, refused
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256, versions
 from executive.runs.true_world import TrueWorld, take_in_hands, worlds_at_start
 from executive.runs.written import WatchedWorld, Written, bodies_of, still_held
 from planlang.designators import Action, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
 from planlang.failures import (
-    ActionUnresolvable,
     AmbiguousPerception,
-    MissingCapability,
     ObjectUnresolvable,
     PlanFailure,
 )
@@ -90,6 +90,7 @@ class Run:
         options = files.options
         self._inputs = Inputs() if inputs is None or options.accept else inputs  # a fixed recipe is a new file
         self.found: list[Diagnostic] = list(files.notes)
+        self._verdicts: tuple[Verdict, ...] = ()
         with ExitStack() as stack:  # closed here if something raises
             self._recipe: tuple[Ontology, ...] = ()
             self._requirements: Requirements | None = None
@@ -175,9 +176,10 @@ class Run:
         # R062: parameters are bound now; R021: registered process modules perform what the vocabulary has no module for
         settled = ("R062",) if program.missing else ("R021", "R062")
         found[:] = [one for one in found if one.code not in settled]
+        goals = stated_goals(options, subject)
         if self._lacks(program):
             options.announce(found)
-            return self._refuse(program.missing)
+            return refused(program.missing, found, self.files.seed, by_hand=self._is_by_hand)
         robot, given = self._bind_robot(found)
         assessment = self._assessment(subject, robot)
         earlier, notes = earlier_of(
@@ -198,9 +200,10 @@ class Run:
         if not isinstance(earlier, Past):  # skipped steps may have destroyed the thing of a parameter
             self._check_things(subject, executive)
         if self._lacks(assessment):  # after the map: another robot would not help
-            return self._refuse(assessment.missing)
+            return refused(assessment.missing, found, self.files.seed, by_hand=self._is_by_hand)
         options.around(executive)
         take_in_hands(platform, truth, held, subject.there, self._stack)
+        self._judge = Judge(goals, truth, subject.in_truth[0], robot.base.radius)
         platform.scene.collisions.prepare()
         first = ActionBefore.read(options.before or (), subject.map, self.plan.name)
         seconds = allowance(self.source, subject.bound, first)
@@ -320,7 +323,8 @@ class Run:
         }
         models = None if given is None else [one.iri for one in given]
         there = None if subject.there is None else subject.there.as_json()
-        settings = header_entries(options, models=models, modules=self.registry.identity or None, world=there)
+        instead = {"modules": self.registry.identity or None, "world": there, "goal": phrases_of(options)}
+        settings = header_entries(options, models=models, **instead)
         infeasible = [alternative.name for alternative, _ in alternatives]
         # a resumed run makes the changes by itself
         applied = [one.as_json() for one in self.files.changes]
@@ -353,17 +357,6 @@ class Run:
         return self.source.read_names(
             self._module, self.plan, lambda cls, plan: module_for(executive, Action(cls), plan) is not None
         )
-
-    def _refuse(self, missing: Sequence[Missing]) -> RunResult:
-        """Result of a run that does not begin, as robot or process modules lack something."""
-        kinds = [ActionUnresolvable if one.kind is FindingKind.ACTION else MissingCapability for one in missing]
-        message = "\n".join(f"{kind.__name__}: {what}" for kind, what in zip(kinds, missing, strict=True))
-        actions = performing(missing, by_hand=self._is_by_hand)
-        message = Text(message, "\n    help: ", actions) if actions is not None else message
-        advice = next((Text(one.message, "; ", one.help or "") for one in self.found if one.code == "X013"), actions)
-        failure = Failure(kinds[0].__name__, "\n".join(map(str, missing)), advice=advice)
-        seed = self.files.seed
-        return RunResult(Outcome.LACKS_CAPABILITY, message, (), tuple(self.found), failure=failure, seed=seed)
 
     def _restore(self, executive: RobotExecutive, past: Past) -> None:
         """Restore the belief of a run whose world is as the trace left it."""
@@ -427,7 +420,12 @@ class Run:
             failure = Failure.of(problem, where)
         finally:
             trace.close()
-            written.save(outcome.value, message, failed)
+            ended = truth.steps / truth.rate
+            if outcome is Outcome.DONE or failed is not None:
+                self._verdicts = self._judge.verdicts()
+            if outcome is Outcome.DONE:
+                message = contradicted(self._verdicts) or message
+            written.save(outcome.value, message, failed, ended)
         platform = executive.platform
         held = still_held(platform) if outcome is not Outcome.DONE else {}
         state = tuple(state_lines(truth, bodies_of(bound, platform.belief, truth), held))
@@ -436,10 +434,11 @@ class Run:
             message,
             state,
             tuple(self.found),
-            truth.steps / truth.rate,
+            ended,
             failure,
             tilts,
             self.files.seed,
+            self._verdicts,
             EndedRun(options, trace.events, run_plan_file),
         )
 
@@ -483,9 +482,11 @@ class Run:
         command = Text(call_to_pass_on(self.files, task=self.task, start=start, set=bindings, force=bool(missing)))
         why = Text(call_to_ask_why(self.files))
         recipe = file if isinstance(file, RecipeFile) else None
+        facts = {"world": "repeated"} if options.repeated is not None else {}
+        facts |= {"goals": in_a_line(self._verdicts)} if self._verdicts else {}
         return replace(
             context_of(self.source, self._compiled, recipe, self.registry.actions, options.folders),
-            facts={**({"world": "repeated"} if options.repeated is not None else {}), "command": command, "why": why},
+            facts={**facts, "command": command, "why": why},
             notes=[one for one in notes if one not in self.files.notes],
             remedies={"Camera": Text(advice[0].message, "; ", advice[0].help or "")} if advice else {},
         )

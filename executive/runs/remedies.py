@@ -13,11 +13,13 @@ from executive.maps.environments import environments_for
 from executive.options.declaring import declared, stated
 from executive.options.running import RunSettings, SituationSettings
 from executive.robots import FindingKind, Missing, Robot, bind_robot
+from executive.runs.failure import Failure
+from executive.runs.options import Outcome, RunResult
 from executive.runs.parameters import Bound, PlanParameter, things_of
 from executive.runs.prepared import RunFiles
 from planlang.designators import Object, local_name
 from planlang.diagnostics import BadInput, Diagnostic, error, note
-from planlang.failures import AmbiguousPerception, PlanFailure
+from planlang.failures import ActionUnresolvable, AmbiguousPerception, MissingCapability, PlanFailure
 from planlang.files import Bundled, bundled
 from planlang.ontology import expand, load
 from planlang.recipe.actions import read_library
@@ -38,6 +40,17 @@ def performing(missing: Sequence[Missing], *, by_hand: bool) -> Text | None:
         expands = f" expands {', '.join(expanded)} in a recipe, a plan written by hand performs the steps of it ("
         advice = Text(advice, "; ", calling("compile"), expands, calling("list", "actions"), ")")
     return advice
+
+
+def refused(missing: Sequence[Missing], found: Sequence[Diagnostic], seed: int, *, by_hand: bool) -> RunResult:
+    """Result of a run that does not begin, as robot or process modules lack something."""
+    kinds = [ActionUnresolvable if one.kind is FindingKind.ACTION else MissingCapability for one in missing]
+    message = "\n".join(f"{kind.__name__}: {what}" for kind, what in zip(kinds, missing, strict=True))
+    actions = performing(missing, by_hand=by_hand)
+    message = Text(message, "\n    help: ", actions) if actions is not None else message
+    advice = next((Text(one.message, "; ", one.help or "") for one in found if one.code == "X013"), actions)
+    failure = Failure(kinds[0].__name__, "\n".join(map(str, missing)), advice=advice)
+    return RunResult(Outcome.LACKS_CAPABILITY, message, (), tuple(found), failure=failure, seed=seed)
 
 
 def _library_files() -> dict[str, str]:

@@ -90,10 +90,11 @@ class Written:
         """Start writing: the run has caught up with the trace that it repeats."""
         self._is_new = True
 
-    def save(self, outcome: str, message: str, failure: PlanFailure | None = None) -> None:
+    def save(self, outcome: str, message: str, failure: PlanFailure | None, seconds: float) -> None:
         """End the display of work, and write the files after the run, each atomically; poses are written already.
 
-        ``outcome`` and ``message`` are those of the result, ``failure`` is that of the plan, if it failed.
+        ``outcome``, ``message`` and ``seconds`` of plan time are those of the result, ``failure`` is that of the plan,
+        if it failed.
         """
         self._at_work.close()
 

@@ -9,6 +9,7 @@ from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from executive.sweeps.records import CRASHED, Row, first_sentence, is_reached
+from executive.sweeps.table import outcome_of
 from planlang.outputs import MARK
 from planlang.visible import visible
 
@@ -80,8 +81,8 @@ def _counts(rows: Sequence[Row]) -> dict[str, str]:
 
 def _add_failure(test: Element, row: Row) -> None:
     outcome = str(row.get("outcome"))
-    kind = str((row.get("failure") or [outcome])[0])
-    message = str(row.get("message") or row.get("cause") or "goal not reached" * (outcome == "done") or outcome)
+    kind = str((row.get("failure") or [outcome_of(row)])[0])
+    message = str(row.get("message") or row.get("cause") or outcome_of(row))
     tag = "error" if outcome == CRASHED else "failure"
     added = SubElement(test, tag, type=visible(kind), message=visible(first_sentence(message)))
     added.text = visible("\n".join(_lines(row, message)))

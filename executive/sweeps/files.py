@@ -35,7 +35,7 @@ SYNCED_EVERY = 5.0
 _WHOLE = [1, 1]
 _ROW = {
     **dict.fromkeys(("outcome", "message", "repeat"), TEXT),
-    **{"reached": FLAG, "failure": TEXTS, "duration": NUMBER},
+    **{"reached": FLAG, "claimed": FLAG, "failure": TEXTS, "duration": NUMBER},
 }
 """What the entries of a row have to be, if they are there."""
 

@@ -24,14 +24,15 @@ the path of a page that the job may write.
 Row = dict[str, Any]
 """Result of a job in a world (JSON), after ``world`` and ``repeat``. Sweeps use these optional keys:
 
-``outcome`` ("done", "failed", ...; "crashed" if the job did not end), ``reached`` (False if the plan ended as "done"
-without reaching its goal), ``failure`` (class of the failure, then of its causes), ``message``, and ``duration`` [s of
-plan time].
+``outcome`` ("done", "failed", ...; "crashed" if the job did not end), ``reached`` (whether the goals hold in the world,
+if there are any) with ``claimed`` beside it (whether the plan ended as "done"), ``failure`` (class of the failure, then
+of its causes), ``message``, and ``duration`` [s of plan time].
 """
 LONGEST_MESSAGE = 2000
 """Maximum length of a message in a row [characters]."""
-CRASHED, REFUSED = "crashed", "refused"
-"""Outcomes of a world whose job did not end (exception, crash, limits), and of one that cannot begin with changes."""
+DONE, CRASHED, REFUSED = "done", "crashed", "refused"
+"""Outcomes of a world whose plan ended without a failure, of one whose job did not end (exception, crash, limits), and of
+one that cannot begin with changes."""
 
 LIMITS = Limits(seconds=120, memory=2_000_000_000, wall=600.0)
 """Limits of one world."""
@@ -110,8 +111,8 @@ COPIED = ("world", "repeat", "columns")
 
 
 def is_reached(row: Row) -> bool:
-    """Check whether the plan reached its goal in this world."""
-    return row.get("outcome") == "done" and bool(row.get("reached", True))
+    """Check whether the plan ended as done in this world, and its goals hold there."""
+    return row.get("outcome") == DONE and bool(row.get("reached", True))
 
 
 def first_sentence(message: str) -> str:

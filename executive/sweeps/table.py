@@ -11,12 +11,14 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from executive.sweeps.records import CRASHED, Row, first_sentence, is_reached
+from executive.sweeps.records import CRASHED, DONE, Row, first_sentence, is_reached
 from planlang.proportions import wilson
 from planlang.records import dataclass
 from planlang.visible import visible
 
 REACHED = "reached"
+FALSE_SUCCESS = "false success"
+"""What the plan calls done in a world in which its goal does not hold."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +85,8 @@ def table(rows: Sequence[Row], total: int | None = None) -> str:
         part = one.count / len(rows) if rows else 0.0
         interval = f"95 %: {100 * one.low:.1f} to {100 * one.high:.1f} %"
         lines.append(f"{one.outcome:<20}{one.count:>7}  {100 * part:5.1f} %  ({interval})")
+    if anyway := sum(row.get("reached") is True and row.get("outcome") != DONE for row in rows):
+        lines.append(f"in {anyway} of these the goal holds although the plan did not end as done")
     times = sorted(row["duration"] for row in rows if is_reached(row) and "duration" in row)
     if times:
         late = times[math.ceil(0.95 * len(times)) - 1]
@@ -120,4 +124,4 @@ def outcome_of(row: Row) -> str:
     if is_reached(row):
         return REACHED
     outcome = str(row.get("outcome"))
-    return "goal not reached" if outcome == "done" else outcome
+    return FALSE_SUCCESS if outcome == DONE else outcome

@@ -19,7 +19,7 @@ from planlang.words import Option, Text, word_of
 MOST_VARIANTS = 50
 """Maximum number of variants."""
 OF_ROWS = (
-    *("world", "repeat", "variant", "seed", "outcome", "reached"),
+    *("world", "repeat", "variant", "seed", "outcome", "reached", "claimed"),
     *("failure", "message", "duration", "final_state", "largest_tilts"),
 )
 """Columns of rows that no parameter of a plan may take."""

@@ -27,7 +27,7 @@ def ended(world: Mapping[str, Any]) -> Row:
     """Run a world by its options, and return its row. Raises BadInput.
 
     A world may also have ``changes`` of its map and options, as JSON: if the run cannot begin with them, this is its
-    row. ``report`` is the file for the page of a run that failed; ``also`` names a function (``module:function``) of
+    row. ``report`` is the file for the page of a run that failed, or missed its goal; ``also`` names a function (``module:function``) of
     the result that makes further entries of the row.
     """
     changes = tuple(map(Change.of, world.get("changes", ())))
@@ -38,7 +38,8 @@ def ended(world: Mapping[str, Any]) -> Row:
         if not changes:
             raise
         return {"outcome": REFUSED, "message": str(problem.diagnostics[0].message)}
-    if result.outcome is Outcome.FAILED and (page := world.get("report")) is not None:
+    is_missed = result.outcome is Outcome.FAILED or (result.claimed and not result.reached)
+    if is_missed and (page := world.get("report")) is not None:
         make_folder(Path(page).parent)
         run_plan_file(replace(options, report=Path(page)), INPUTS)
     also = resolve_name(world["also"])(result) if "also" in world else {}
@@ -50,6 +51,7 @@ def _row(result: RunResult) -> Row:
         "outcome": result.outcome.value,
         "failure": list(result.failures),
         "message": said(result.message, COMMAND_LINE)[:LONGEST_MESSAGE],
+        **result.goal_columns,
         "duration": round(result.duration, 3),
         "final_state": list(result.final_state),
         "largest_tilts": result.tilts.degrees(),

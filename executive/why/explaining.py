@@ -19,7 +19,7 @@ from executive.runs.files import refuse
 from executive.runs.options import RunOptions
 from executive.runs.parameters import things_of
 from executive.runs.plan_body import Subject
-from executive.runs.plan_run import Run
+from executive.runs.plan_run import Run, run_plan_file
 from executive.runs.prepared import RunFiles, prepared
 from executive.runs.remedies import call_of
 from executive.runs.traces import call_to_resume, header_to_repeat, recorded_run
@@ -90,9 +90,10 @@ def explained(
     ``cluster_wait``, ``resume``.
     """
     header_to_repeat(recorded)  # raises for a trace of an older schema
-    if recorded.outcome == "succeeded":
+    unmet = _unmet(recorded, options) if recorded.outcome == "succeeded" else None
+    if recorded.outcome == "succeeded" and unmet is None:
         return Explanation("", "this run reached its goal: nothing has to change")
-    if recorded.outcome != "failed":
+    if recorded.outcome not in ("failed", "succeeded"):
         advice = Text(call_to_resume(recorded, options), " ends it")
         raise BadInput([error("X021", "this run has not ended", Span(recorded.name), advice)])
     evidence = Evidence.of([line.record for line in recorded.lines])
@@ -112,7 +113,7 @@ def explained(
             told=lambda one, row, number: told(_line(one, row, number, situation)),
         )
         result = search(situation, reruns)
-    failure = evidence.sentence
+    failure = unmet or evidence.sentence
     tried = kinds_of([one.candidate for one in result.tried])
     if result.found is None:
         nothing = "no change was found after which the goal is reached"
@@ -137,6 +138,14 @@ def explained(
         tried,
         diagnostics=found,
     )
+
+
+def _unmet(recorded: RecordedRun, options: RunOptions) -> str | None:
+    """Say what is so in the world after a run that ended as done; None if its goals hold, or it has none."""
+    if not (recorded.header.get("goals") or options.goal):
+        return None
+    result = run_plan_file(replace(options.unseen(), repeated=recorded))
+    return None if result.reached else str(result.message)
 
 
 def _situation(subject: Subject, robot: Robot, files: RunFiles, evidence: Evidence) -> Situation:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 
 from planlang.designators import GRASPS, Device, Object, Person, is_called, local_name
 from planlang.ontology import Literal, Ontology, expand, shorten
@@ -65,11 +65,14 @@ class Lexicon:
     """Classes of the things, superclasses included."""
 
     @staticmethod
-    def of(ontology: Ontology, things: Mapping[str, Object] | None = None) -> Lexicon:
-        """Make the lexicon of an ontology's classes and a map's things: by name, label and ``alsoCalled``."""
+    def of(ontology: Ontology, things: Mapping[str, Object] | None = None, substances: Iterable[str] = ()) -> Lexicon:
+        """Make the lexicon of an ontology's classes and a map's things: by name, label and ``alsoCalled``.
+
+        Classes of other namespaces than planlang's count if a thing, or one of the ``substances``, is of them.
+        """
         things = dict(things or {})
         persons = {*ontology.subclasses("Person"), *ontology.subclasses("Person-Individual")}
-        used = dict.fromkeys(thing.type for thing in things.values())
+        used = dict.fromkeys((*(thing.type for thing in things.values()), *map(shorten, substances)))
         names = dict.fromkeys((*used, *(shorten(name) for name in ontology.class_names())))
         people = {shorten(person) for person in persons}
         kinds = {name: Person if name in people else Object for name in names if ":" not in name or name in used}
@@ -125,13 +128,17 @@ class Lexicon:
                 written[thing] = name
         return Lexicon(things, classes, present, written, frozenset((*there, *used)))
 
+    def with_things(self, things: Mapping[str, Object]) -> Lexicon:
+        """Make a lexicon of the same classes with other things."""
+        return replace(self, things=things)
+
     def meaning(self, words: str, *, named: bool) -> Object | tuple[str, ...]:
         """Look up a noun; if it is ambiguous, return the words of all candidates, and () if it is unknown.
 
         ``named``: it has no article, so the thing of that name takes precedence over the class.
         """
         said = plain(words)
-        thing, cls = self.thing(words), self.classes.get(said)
+        thing, cls = self.thing(words), self.classes.get(said) or self.classes.get(_whole(words))
         if (found := (thing or cls) if named else (cls or thing)) is not None:
             return found
         return self.present.get(said, ())

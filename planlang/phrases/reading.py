@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from difflib import SequenceMatcher
 from functools import cache
@@ -32,6 +32,8 @@ from planlang.phrases.lexicon import (
 from planlang.relations import RELATIONS, measured
 from planlang.spelling import similar
 
+Explain = Callable[[UnexpectedInput, str, str], Diagnostic]
+"""Explains a syntax error of a phrase from a file."""
 _COMMENT = re.compile(r"<[^<>\s]*>|\w[\w+.-]*://[^\s<>(),]*|(#[^\n]*)")
 
 
@@ -44,9 +46,9 @@ def read_location(phrase: str, lexicon: Lexicon | None = None, *, file: str = "p
         raise BadInput(
             [error("P003", f"a phrase has at most {LONGEST} characters, this one {len(phrase)}", Span(file))]
         )
-    tree = _parsed(phrase, "start", file)
-    reader = _Reader(lexicon or Lexicon(), file)
-    location = reader.location(_trees(tree)[0], 1)
+    tree = parsed(phrase, parser(), "start", file)
+    reader = Reader(lexicon or Lexicon(), file)
+    location = reader.location(trees(tree)[0], 1)
     if reader.found:
         raise BadInput(reader.found)
     return location
@@ -54,31 +56,35 @@ def read_location(phrase: str, lexicon: Lexicon | None = None, *, file: str = "p
 
 def read_thing(phrase: str, lexicon: Lexicon | None = None, *, file: str = "phrase") -> Object:
     """Parse a noun with or without article, e.g. "the bottle"; raises BadInput like :func:`read_location`."""
-    tree = _parsed(phrase[:LONGEST], "only_thing", file)
-    reader = _Reader(lexicon or Lexicon(), file)
-    thing = reader.thing(_trees(tree)[0], tree, named=len(tree.children) == 1)
+    tree = parsed(phrase[:LONGEST], parser(), "only_thing", file)
+    reader = Reader(lexicon or Lexicon(), file)
+    thing = reader.thing(trees(tree)[0], tree, named=len(tree.children) == 1)
     if thing is None:
         raise BadInput(reader.found)
     return thing
 
 
-def _parsed(phrase: str, start: str, file: str) -> Tree[Token]:
+def parsed(phrase: str, grammar: Lark, start: str, file: str, explain: Explain | None = None) -> Tree[Token]:
+    """Parse a phrase; raises BadInput with what ``explain`` makes of a syntax error, by default of a location's."""
     phrase = _COMMENT.sub(lambda found: found[0] if found[1] is None else " " * len(found[0]), phrase)
     try:
-        return parser().parse(phrase, start=start)
+        return grammar.parse(phrase, start=start)
     except UnexpectedInput as problem:
-        raise BadInput([explain(problem, phrase, file)]) from None
+        raise BadInput([(explain or explained)(problem, phrase, file)]) from None
 
 
-def parser() -> Lark:
-    """Return the parser for all relations registered so far."""
-    return _parser(tuple(forms(1)), tuple(forms(2)), tuple(opposites()))
+def parser(*, states: tuple[str, ...] | None = None) -> Lark:
+    """Return the parser for all relations registered so far; given the words of states, that of goals."""
+    return _parser(tuple(forms(1)), tuple(forms(2)), tuple(opposites()), states)
 
 
 @cache
-def _parser(single: tuple[str, ...], pairs: tuple[str, ...], opposite: tuple[str, ...]) -> Lark:
+def _parser(
+    single: tuple[str, ...], pairs: tuple[str, ...], opposite: tuple[str, ...], states: tuple[str, ...] | None
+) -> Lark:
     """Build the parser for these forms of relations to one thing, of relations to two, and of complements."""
-    grammar = Path(__file__).with_name("location.lark").read_text(encoding="utf-8")
+    files = ("location.lark",) if states is None else ("location.lark", "goal.lark")
+    grammar = "\n".join(Path(__file__).with_name(file).read_text(encoding="utf-8") for file in files)
     tables = {
         "RELATION": tuple(form for form in single if not form.startswith("not ")),
         "PAIR": pairs,
@@ -87,12 +93,17 @@ def _parser(single: tuple[str, ...], pairs: tuple[str, ...], opposite: tuple[str
         "GRASP": tuple(form for some in GRASP_FORMS.values() for form in some),
         "VIEW": viewpoints(),
     }
+    if states is not None:
+        tables["STATE"] = states
     for name, words in tables.items():  # "in between" begins with "in", which is a relation to one thing
         grammar += f"\n{name}.{6 if name == 'PAIR' else 5}: /(?:{pattern(words)})\\b/i"
-    return Lark(grammar, parser="lalr", start=["start", "only_thing"], propagate_positions=True)
+    start = ["start", "only_thing"] if states is None else ["goal"]
+    return Lark(grammar, parser="lalr", start=start, propagate_positions=True)
 
 
-class _Reader:
+class Reader:
+    """Converts the tree of a location, and records errors."""
+
     """Converts parse trees to locations and collects errors."""
 
     def __init__(self, lexicon: Lexicon, file: str) -> None:
@@ -109,8 +120,8 @@ class _Reader:
         relations: dict[Relation, None] = {}
         device: Device | None = None
         grasp: str | None = None
-        for conjunct in _trees(tree, "conjunct"):
-            clause, *manners = _trees(conjunct)
+        for conjunct in trees(tree, "conjunct"):
+            clause, *manners = trees(conjunct)
             relation = self.clause(clause, depth)
             if relation is not None:
                 relations[relation] = None
@@ -122,7 +133,7 @@ class _Reader:
                         self.wrong("P005", f"one location names two grasps: {grasp} and {one}", manner)
                     grasp = one
                 elif manner.data == "view":
-                    viewer = self.thing(_trees(manner)[-1], manner, named=len(manner.children) == 2)
+                    viewer = self.thing(trees(manner)[-1], manner, named=len(manner.children) == 2)
                     if viewer is not None:
                         view = Relation(forms()[plain(str(manner.children[0]))], (viewer,))
                         relations[view] = None
@@ -135,7 +146,7 @@ class _Reader:
 
     def clause(self, tree: Tree[Token], depth: int) -> Relation | None:
         """Convert a relation with its references."""
-        said, *references = _trees(tree)
+        said, *references = trees(tree)
         before = isinstance(tree.children[0], Token)
         relation = self.said(said)
         things = [self.reference(one, depth, said) for one in references]
@@ -196,7 +207,7 @@ class _Reader:
 
     def reference(self, tree: Tree[Token], depth: int, said: Tree[Token]) -> Object | Location | None:
         """Convert a thing or a nested place; ``said`` is the relation to it."""
-        inner = _trees(tree)[-1]
+        inner = trees(tree)[-1]
         if tree.data == "thing":
             return self.thing(inner, said, named=len(tree.children) == 1)
         if depth >= DEEPEST:
@@ -223,7 +234,7 @@ class _Reader:
 
     def device(self, manner: Tree[Token]) -> Device | None:
         """Convert an arm or hand."""
-        noun = _trees(manner)[-1]
+        noun = trees(manner)[-1]
         words, _, name, iri = _parts(noun)
         if name is not None:
             return Device(name, iri)
@@ -236,7 +247,7 @@ class _Reader:
         return None
 
 
-def _trees(tree: Tree[Token], data: str | None = None) -> list[Tree[Token]]:
+def trees(tree: Tree[Token], data: str | None = None) -> list[Tree[Token]]:
     """Return the subtrees, optionally of one grammar rule."""
     return [part for part in tree.children if isinstance(part, Tree) and data in (None, part.data)]
 
@@ -272,14 +283,14 @@ SPOKEN: Mapping[str, str] = {
 """Terminals of the grammar in the words of messages, in the order of listing."""
 
 
-def explain(problem: UnexpectedInput, phrase: str, file: str) -> Diagnostic:
+def explained(problem: UnexpectedInput, phrase: str, file: str) -> Diagnostic:
     """Explain a syntax error."""
     offset = problem.pos_in_stream if problem.pos_in_stream is not None else len(phrase)
     at_end = (isinstance(problem, UnexpectedToken) and problem.token.type == "$END") or not phrase[offset:].strip()
     if at_end:
         offset = len(phrase.rstrip())
-    span = _span(phrase, offset, file)
-    expected = _expected(problem, phrase[:offset])
+    span = span_at(phrase, offset, file)
+    expected = expected_by(problem, phrase[:offset])
     if "RELATION" in expected:
         if at_end:
             return error("P003", "the phrase ends where a relation is expected", span, _relations())
@@ -293,10 +304,10 @@ def explain(problem: UnexpectedInput, phrase: str, file: str) -> Diagnostic:
         said = re.sub(rf"\s+({'|'.join(ARTICLES)})$", "", phrase[begun:offset].strip(), flags=re.IGNORECASE)
         alike = similar(plain(said), forms(), least=_ALIKE)
         if alike and alike[0] != plain(said) and plain(said) not in opposites():
-            return _unknown_relation(said, alike[0], _span(phrase, begun, file))
+            return _unknown_relation(said, alike[0], span_at(phrase, begun, file))
     found = "the phrase ends" if at_end else f"unexpected {phrase[offset:].split()[0]!r}"
     is_arm = re.search(rf"\bwith(\s+({'|'.join(ARTICLES)}))?\s*$", phrase[:offset], re.IGNORECASE) is not None
-    wanted = "an arm" if is_arm and "WORD" in expected else _spoken(expected)
+    wanted = "an arm" if is_arm and "WORD" in expected else spoken(expected)
     return error("P003", f"{found} where {wanted} is expected", span, _ADVICE.get(wanted))
 
 
@@ -304,7 +315,7 @@ def unknown_noun(
     words: str, several: Sequence[str], noun: Tree[Token], said: Tree[Token], lexicon: Lexicon, file: str
 ) -> Diagnostic:
     """Explain an unknown or ambiguous noun; ``said`` is the relation to it."""
-    span = _at(noun, file)
+    span = span_of(noun, file)
     if several:
         return error("P007", f"{words!r} could mean several classes", span, f"say which: {', '.join(several)}")
     relation = " ".join(str(token) for token in said.scan_values(lambda _: True))
@@ -313,7 +324,7 @@ def unknown_noun(
         whole = f"{relation} {' '.join(parts[:number])}"
         alike = similar(plain(whole), forms(), least=0.8)
         if alike and alike[0] != plain(relation):
-            return _unknown_relation(whole, alike[0], _at(said, file))
+            return _unknown_relation(whole, alike[0], span_of(said, file))
     inner = next((form for form in forms() if f" {form} " in f" {plain(words)} "), None)
     known = list(lexicon.known())
     listed = ", ".join(known[:_MOST]) + (f" and {len(known) - _MOST} more" if len(known) > _MOST else "")
@@ -331,7 +342,9 @@ def unknown_device(words: str, noun: Tree[Token], file: str) -> Diagnostic:
     """Explain a noun after "with" that is not an arm."""
     close = similar(plain(words), DEVICES, least=_ALIKE)
     guess = f"did you mean {close[0]!r}? " if close else ""
-    return error("P002", f"{words!r} is not an arm of a robot", _at(noun, file), f"{guess}arms: {', '.join(DEVICES)}")
+    return error(
+        "P002", f"{words!r} is not an arm of a robot", span_of(noun, file), f"{guess}arms: {', '.join(DEVICES)}"
+    )
 
 
 def _unknown_relation(said: str, guess: str | None, span: Span) -> Diagnostic:
@@ -348,7 +361,8 @@ def _clause_before(phrase: str, offset: int) -> int | None:
     return start if phrase[start:offset].strip() else None
 
 
-def _at(tree: Tree[Token], file: str) -> Span:
+def span_of(tree: Tree[Token], file: str) -> Span:
+    """Say where the first word of a tree is."""
     token = next(tree.scan_values(lambda _: True))
     return Span(file, token.line or 1, token.column or 1)
 
@@ -372,7 +386,7 @@ def _relations() -> str:
     return f"relations: {', '.join(relation.forms[0] for relation in RELATIONS.values())}; within 30 cm of; not ..."
 
 
-def _expected(problem: UnexpectedInput, before: str) -> set[str]:
+def expected_by(problem: UnexpectedInput, before: str) -> set[str]:
     """Return the terminals that the grammar accepts after the text ``before``."""
     if isinstance(problem, UnexpectedToken):
         return set(problem.accepts or problem.expected)
@@ -383,12 +397,13 @@ def _expected(problem: UnexpectedInput, before: str) -> set[str]:
     return allowed
 
 
-def _spoken(expected: set[str]) -> str:
+def spoken(expected: set[str], words_of: Mapping[str, str] = SPOKEN) -> str:
+    """Say which terminals are expected, in the words of messages."""
     if "WORD" in expected:
         expected = expected - {"EXACT", "CALLED"}
     if expected & {*_GOES_ON}:
         expected = expected & {*_GOES_ON}
-    *others, last = dict.fromkeys(words for name, words in SPOKEN.items() if name in expected)
+    *others, last = dict.fromkeys(words for name, words in words_of.items() if name in expected)
     return f"{', '.join(others)} or {last}" if others else last
 
 
@@ -408,7 +423,8 @@ _ADVICE = {
 }
 
 
-def _span(phrase: str, offset: int, file: str) -> Span:
+def span_at(phrase: str, offset: int, file: str) -> Span:
+    """Say where a character of a phrase is."""
     before = phrase[:offset]
     line = before.count("\n") + 1
     return Span(file, line, offset - (before.rfind("\n") + 1) + 1)

@@ -168,7 +168,7 @@ def test_reaching_for_a_process_module_is_found(tmp_path: Path, statement: str) 
 
 TRUTH = {"PyBulletWorld", "sim.world", "Truth", "sim.truth"}
 """What names the true world, and what is so in it."""
-ASSEMBLED = tuple(f"executive/{name}/" for name in ("runs", "cli", "commands", "pictures", "report", "live"))
+ASSEMBLED = tuple(f"executive/{name}/" for name in ("runs", "cli", "commands", "goals", "pictures", "report", "live"))
 """Where runs are put together, and what is so is shown."""
 
 

@@ -1,4 +1,5 @@
-"""What must hold in the simulator's truth at the end of a task. Each goal yields what does not hold."""
+"""What must hold in the simulator's truth at the end of a task, by the product's tolerances. Each goal yields what does
+not hold."""
 
 from __future__ import annotations
 
@@ -8,21 +9,14 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 
 from planlang.geometry import Pose
-from sim.truth import at_rest_on, held_by
-from tests.support.scenarios import Watched, tilt
+from sim.tolerances import MOVED, deviation
+from sim.truth import at_rest_on, held_by, is_centred_in, is_closed, is_toppled, opened
+from tests.support.scenarios import Watched
 
 Goal = Callable[[Watched], Iterable[str]]
 
-UPRIGHT = math.radians(15.0)
-"""Largest lean of what stands or is carried, as the classes' ``largestTilt`` says."""
-SHUT_SHARE = 0.05
-"""Share of its range by which a leaf may be open that was closed."""
-DISPLACED = 0.05
-"""Distance by which what nobody asked for may be moved [m]."""
 STANDS = 0.02
 """Height over the floor up to which a thing stands on it [m]."""
-AMOUNT, AMOUNT_SHARE = 5.0, 0.05
-"""Deviation that a poured amount may have [ml, share]."""
 BESIDE = 0.3
 """Largest gap between things that were put beside each other [m]."""
 
@@ -53,7 +47,7 @@ def on(name: str, *supports: str) -> Goal:
     def goal(watched: Watched) -> Iterator[str]:
         if (found := at_rest_on(watched.world, name)) not in supports:
             yield f"{name} rests on {found}, not on {' or '.join(supports)}"
-        if tilt(watched.world.pose(name)) > tilt(watched.start[name]) + UPRIGHT:
+        if is_toppled(watched.world, name, watched.start[name]):
             yield f"{name} has toppled"
 
     return goal
@@ -64,8 +58,7 @@ def inside(name: str, furniture: str) -> Goal:
 
     def goal(watched: Watched) -> Iterator[str]:
         world = watched.world
-        local = (world.pose(furniture).inverse() @ world.pose(name)).position
-        if (np.abs(local) > np.asarray(world.size(furniture)) / 2).any():
+        if not is_centred_in(world, name, furniture):
             yield f"{name} is not inside {furniture}"
         if at_rest_on(world, name) is None:
             yield f"{name} is not at rest"
@@ -78,8 +71,8 @@ def shut(*leaves: str) -> Goal:
 
     def goal(watched: Watched) -> Iterator[str]:
         for leaf in leaves:
-            if opened(watched, leaf) > SHUT_SHARE:
-                yield f"{leaf} is open by {opened(watched, leaf):.0%}"
+            if not is_closed(watched.world, leaf):
+                yield f"{leaf} is open by {opened(watched.world, leaf):.0%}"
 
     return goal
 
@@ -101,16 +94,10 @@ def open_by(leaf: str, share: float) -> Goal:
     """Return the goal that a leaf is open by at least a share of its range."""
 
     def goal(watched: Watched) -> Iterator[str]:
-        if opened(watched, leaf) < share:
-            yield f"{leaf} is open by {opened(watched, leaf):.0%}"
+        if opened(watched.world, leaf) < share:
+            yield f"{leaf} is open by {opened(watched.world, leaf):.0%}"
 
     return goal
-
-
-def opened(watched: Watched, leaf: str) -> float:
-    """Return how far a leaf is open, as a share of its range."""
-    joint = next(one for one in watched.world.scene.joints if one.leaf == leaf)
-    return watched.world.joint(leaf) / max(joint.upper, 1e-9)
 
 
 def was_open(*leaves: str) -> tuple[Goal, Callable[[Watched], None]]:
@@ -120,7 +107,7 @@ def was_open(*leaves: str) -> tuple[Goal, Callable[[Watched], None]]:
         widest = watched.notes.setdefault("widest", {})
         assert isinstance(widest, dict)
         for leaf in leaves:
-            widest[leaf] = max(widest.get(leaf, 0.0), opened(watched, leaf))
+            widest[leaf] = max(widest.get(leaf, 0.0), opened(watched.world, leaf))
 
     def goal(watched: Watched) -> Iterator[str]:
         widest = watched.notes.get("widest", {})
@@ -133,11 +120,11 @@ def was_open(*leaves: str) -> tuple[Goal, Callable[[Watched], None]]:
 
 
 def contains(vessel: str, amount: float) -> Goal:
-    """Return the goal that a vessel holds an amount [ml], within 5 ml or 5 %."""
+    """Return the goal that a vessel holds an amount [ml], within the tolerance."""
 
     def goal(watched: Watched) -> Iterator[str]:
         found = watched.world.matter.total(vessel)
-        if abs(found - amount) > max(AMOUNT, AMOUNT_SHARE * amount):
+        if abs(found - amount) > deviation(amount):
             yield f"{vessel} holds {found:.0f} ml, not {amount:.0f} ml"
 
     return goal
@@ -182,7 +169,7 @@ def undisturbed(*moved: str) -> Goal:
             stood = start.position[2] - world.size(name)[2] / 2 < STANDS
             if not stood and at_rest_on(world, name) == "floor":
                 yield f"{name} is on the floor"
-            if name not in moved and (far := world.pose(name).distance(start)) > DISPLACED:
+            if name not in moved and (far := world.pose(name).distance(start)) > MOVED:
                 yield f"{name} was moved by {far:.2f} m"
 
     return goal

@@ -10,11 +10,11 @@ import pytest
 from executive.maps import read_map, scene_of
 from planlang.ontology import load
 from sim import Scene
+from sim.truth import tilt
 from tests.benchmarks.homes.furnishing import Rectangle
 from tests.benchmarks.homes.tasks import Task, drawn
 from tests.benchmarks.homes.trial import robot_of, verdict, write
 from tests.benchmarks.homes.witness import Answer, is_right_reason, suited_to
-from tests.support.scenarios import tilt
 
 
 def scene(task: Task, folder: Path) -> Scene:

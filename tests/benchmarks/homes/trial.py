@@ -18,6 +18,8 @@ from planlang.diagnostics import BadInput
 from planlang.ontology import load
 from sim import Scene
 from sim.joints import JointKind
+from sim.tolerances import SHUT_SHARE
+from sim.truth import opened
 from tests.benchmarks.homes import (  # noqa: F401  they register their templates
     closed_tasks,
     door_tasks,
@@ -27,7 +29,6 @@ from tests.benchmarks.homes import (  # noqa: F401  they register their template
     open_tasks,
 )
 from tests.benchmarks.homes.furnishing import NoRoom
-from tests.benchmarks.homes.goals import opened
 from tests.benchmarks.homes.robots import OPTIONS, named
 from tests.benchmarks.homes.series import Case
 from tests.benchmarks.homes.tasks import Need, Task, drawn
@@ -37,8 +38,6 @@ from tests.support.scenarios import Scenario, Watched, judged
 
 SERVED = 0.5
 """Share of its range by which a leaf has to be open to count as opened."""
-SHUT = 0.05
-"""The same up to which it counts as closed."""
 
 
 def task_of(case: Case) -> Task:
@@ -157,7 +156,7 @@ class Trial:
     def _watch(self, watched: Watched) -> None:
         self.scene = self.scene or watched.world.scene
         for joint in self.scene.joints:
-            self.last[joint.leaf] = opened(watched, joint.leaf)
+            self.last[joint.leaf] = opened(watched.world, joint.leaf)
             self.widest[joint.leaf] = max(self.widest[joint.leaf], self.last[joint.leaf])
 
     def _served(self) -> dict[str, list[int]]:
@@ -168,7 +167,7 @@ class Trial:
             need
             for need in wanted["close"]
             if any(self.widest[leaf] >= SERVED for leaf in self._leaves(need))
-            and all(self.last[leaf] <= SHUT for leaf in self._leaves(need))
+            and all(self.last[leaf] <= SHUT_SHARE for leaf in self._leaves(need))
         ]
         return {"open": [len(wanted["open"]), len(wide)], "close": [len(wanted["close"]), len(shut)]}
 

@@ -36,14 +36,14 @@ def test_intervals_are_wilsons(count: int, total: int, low: float, high: float) 
 
 def test_each_world_counts_as_one_outcome_and_a_false_success_as_none() -> None:
     counts = {one.outcome: one.count for one in shares(ROWS)}
-    assert counts == {"reached": 2, "failed": 2, "crashed": 1, "goal not reached": 1}
+    assert counts == {"reached": 2, "failed": 2, "crashed": 1, "false success": 1}
 
 
 def test_causes_are_ranked_and_messages_that_differ_in_numbers_are_one() -> None:
     first, *others = causes(ROWS)
     assert (first.name, first.sentence, first.count) == ("GraspMissed", "3 mm too far", 2)
     assert first.repeat == "planlang run pour --seed 2"
-    assert [(one.name, one.count) for one in others] == [("ProcessEnded < Killed", 1), ("goal not reached", 1)]
+    assert [(one.name, one.count) for one in others] == [("ProcessEnded < Killed", 1), ("false success", 1)]
 
 
 def test_the_table_tells_how_long_the_plans_took_and_how_to_repeat_failures() -> None:

@@ -6,7 +6,6 @@ world alone, never the plan or the belief.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import chdir
 from dataclasses import dataclass, field, replace
@@ -23,6 +22,7 @@ from executive.runs.plan_run import Run
 from executive.runs.prepared import prepared
 from planlang.geometry import Pose
 from sim import PyBulletWorld
+from sim.truth import tilt
 
 TOP = Path(__file__).resolve().parents[3]
 CORPUS = TOP.parent / "shared" / "corpus"
@@ -49,11 +49,6 @@ class Watched:
             self.base = world.configuration().base
         for name in world.attached():
             self.tilts[name] = max(self.tilts.get(name, 0.0), tilt(world.pose(name)))
-
-
-def tilt(pose: Pose) -> float:
-    """Return the angle between up and the z axis of a pose [rad]."""
-    return math.acos(max(-1.0, min(1.0, float(pose.matrix()[2, 2]))))
 
 
 Goal = Callable[[Watched], Iterable[str]]

@@ -18,9 +18,9 @@ from planlang.motion_constraints import a_feature
 from planlang.protocols import MotionState
 from planlang.state.questions import amount_of
 from planlang.testing import Script, run_plan
-from sim.truth import held_by
+from sim.truth import held_by, tilt
 from tests.support.constraint_evaluation import beyond, value_of
-from tests.support.scenarios import CORPUS, Scenario, Watched, tilt
+from tests.support.scenarios import CORPUS, Scenario, Watched
 
 MODELS = ("--ontologies", "corpus/ontologies", "--ontologies", "corpus/objects")
 POURING, FLIPPING = "corpus/recipes/pouring@hydro.owl", "corpus/recipes/pancake-making-constr@hydro.owl"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from sim.truth import at_rest_on, held_by
-from tests.support.scenarios import Goal, Scenario, Watched, tilt
+from sim.truth import at_rest_on, held_by, tilt
+from tests.support.scenarios import Goal, Scenario, Watched
 
 AMIGO = ("--robot", "corpus/robots/amigo@hydro.owl")
 

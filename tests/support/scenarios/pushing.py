@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sim.truth import at_rest_on, held_by
-from tests.support.scenarios import Scenario, Watched, tilt
+from sim.truth import at_rest_on, held_by, tilt
+from tests.support.scenarios import Scenario, Watched
 
 FAR, NEAR = 0.15, 0.02
 """How far the cup should be from where it stood, and how much that may be missed [m]."""

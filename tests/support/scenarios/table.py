@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sim.truth import at_rest_on
-from tests.support.scenarios import Scenario, Watched, tilt
+from sim.truth import at_rest_on, tilt
+from tests.support.scenarios import Scenario, Watched
 
 THINGS = ("mat1", "napkin1", "plate1", "fork1", "knife1", "spoon1", "cup1")
 SIDES = {"fork1": (1.0, 0.0), "knife1": (-1.0, 0.0), "spoon1": (-1.0, 0.0), "cup1": (0.0, 1.0)}
