@@ -31,8 +31,8 @@ TABLE: tuple[tuple[str, str], ...] = (
     ("closed", f"each of its doors, drawers and lids is open by at most {100 * SHUT_SHARE:g} % of its range"),
     (
         "open",
-        f"one of its doors, drawers or lids is open as wide as plans open them, less {100 * SHUT_SHARE:g} % of its range: "
-        "for furniture 65 %, for doors between rooms 85 %",
+        "one of its doors, drawers or lids is open as wide as plans open them, less "
+        f"{100 * SHUT_SHARE:g} % of its range: for furniture 65 %, for doors between rooms 85 %",
     ),
     ("switched on, off", "the state of the device"),
     ("contains", f"the amount, within {AMOUNT:g} ml or {100 * AMOUNT_SHARE:g} % of it, whichever is more"),
