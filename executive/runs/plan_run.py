@@ -47,12 +47,19 @@ from executive.runs.plan_files import (
     without_module,
 )
 from executive.runs.prepared import Inputs, RunFiles, prepared, read_environment
-from executive.runs.remedies import able_robots, absent_things, call_of, call_to_ask_why, call_to_pass_on, refused
+from executive.runs.remedies import (
+    able_robots,
+    absent_things,
+    call_to_ask_why,
+    call_to_pass_on,
+    refused,
+    trust_advised,
+)
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256, versions
 from executive.runs.true_world import TrueWorld, take_in_hands, worlds_at_start
 from executive.runs.written import WatchedWorld, Written, bodies_of, still_held
 from planlang.designators import Action, local_name
-from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, note, warning
+from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, warning
 from planlang.failures import (
     AmbiguousPerception,
     ObjectUnresolvable,
@@ -188,7 +195,7 @@ class Run:
         held = in_hands(robot, subject.map, subject.scene)
         if not assessment.missing or options.force:
             robot = with_carrying(robot, held, subject.scene, options.long_work)
-        advice = self._advise_trust(robot, assessment)
+        advice = trust_advised(self.files, robot, assessment.missing)
         found += (*robot.diagnostics, *assessment.notes(self.files.plan), *advice)
         self._context = partial(self._page_context, subject, tuple(found), advice, assessment.missing)
         found += notes
@@ -265,14 +272,6 @@ class Run:
             return robot, None
         given = read_given_parts(options.models, options.folders, diagnostics)
         return with_given_parts(robot, given), given
-
-    def _advise_trust(self, robot: Robot, assessment: Assessment) -> list[Diagnostic]:
-        """Advise a robot without a camera that lacks something for the plan to trust the map."""
-        if not assessment.missing or robot.camera is not None or self.options.trust_map:
-            return []
-        trusting = call_of(self.files, trust_map=True)
-        advice = Text(Option("trust_map", True), " takes the poses in the map as seen: ", trusting)
-        return [note("X013", f"{robot.name} has no camera to look for things", help=advice)]
 
     def _assemble(
         self, subject: Subject, robot: Robot, given: tuple[GivenPart, ...] | None, held: Mapping[str, Hold]

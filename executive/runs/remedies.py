@@ -53,6 +53,15 @@ def refused(missing: Sequence[Missing], found: Sequence[Diagnostic], seed: int, 
     return RunResult(Outcome.LACKS_CAPABILITY, message, (), tuple(found), failure=failure, seed=seed)
 
 
+def trust_advised(files: RunFiles, robot: Robot, missing: Sequence[Missing]) -> list[Diagnostic]:
+    """Advise a robot without a camera that lacks something for the plan to trust the map."""
+    if not missing or robot.camera is not None or files.options.trust_map:
+        return []
+    trusting = call_of(files, trust_map=True)
+    advice = Text(Option("trust_map", True), " takes the poses in the map as seen: ", trusting)
+    return [note("X013", f"{robot.name} has no camera to look for things", help=advice)]
+
+
 def _library_files() -> dict[str, str]:
     """Map local names of action classes to the names of the library's files with a recipe for them."""
     files: dict[str, str] = {}

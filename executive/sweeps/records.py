@@ -31,8 +31,8 @@ of its causes), ``message``, and ``duration`` [s of plan time].
 LONGEST_MESSAGE = 2000
 """Maximum length of a message in a row [characters]."""
 DONE, CRASHED, REFUSED = "done", "crashed", "refused"
-"""Outcomes of a world whose plan ended without a failure, of one whose job did not end (exception, crash, limits), and of
-one that cannot begin with changes."""
+"""Outcomes of a world whose plan ended without a failure, of one whose job did not end (exception, crash, limits), and
+of one that cannot begin with changes."""
 
 LIMITS = Limits(seconds=120, memory=2_000_000_000, wall=600.0)
 """Limits of one world."""

@@ -27,8 +27,8 @@ def ended(world: Mapping[str, Any]) -> Row:
     """Run a world by its options, and return its row. Raises BadInput.
 
     A world may also have ``changes`` of its map and options, as JSON: if the run cannot begin with them, this is its
-    row. ``report`` is the file for the page of a run that failed, or missed its goal; ``also`` names a function (``module:function``) of
-    the result that makes further entries of the row.
+    row. ``report`` is the file for the page of a run that failed, or missed its goal; ``also`` names a function
+    (``module:function``) of the result that makes further entries of the row.
     """
     changes = tuple(map(Change.of, world.get("changes", ())))
     options = RunOptions.of(made(RunSettings, world["options"]), changes=changes)
