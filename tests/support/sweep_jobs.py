@@ -68,3 +68,13 @@ def reading(world: World) -> dict[str, Any]:
     return {"outcome": "done", "content": beside.read_text(encoding="utf-8"), "message": f"{beside} was read"} | (
         {"original": beside.stat().st_ino == world["inode"]} if "inode" in world else {}
     )
+
+
+def process(world: World) -> dict[str, Any]:
+    """Say which process this is; some worlds never end."""
+    if world.get("how") == "hang":
+        Path(world["marker"]).write_text(str(os.getpid()), encoding="utf-8")
+        time.sleep(600)
+    while "marker" in world and not Path(world["marker"]).exists():
+        time.sleep(0.01)
+    return {"outcome": "done", "process": os.getpid()}

@@ -11,8 +11,11 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-import dask
 import pytest
+
+pytest.importorskip("distributed", reason="the extra [cluster] is not installed")
+
+import dask
 from distributed import KilledWorker, LocalCluster, Security
 
 import planlang
