@@ -108,8 +108,10 @@ from planlang.object_changes import transformed_into as transformed_into
 from planlang.recoveries import fetch_again as fetch_again
 from planlang.recoveries import ignore as ignore
 from planlang.recoveries import look_and_repeat as look_and_repeat
+from planlang.recoveries import look_by_moving_the_base as look_by_moving_the_base
 from planlang.recoveries import look_from_another_place as look_from_another_place
 from planlang.recoveries import open_what_is_in_the_way as open_what_is_in_the_way
+from planlang.recoveries import pour_the_rest as pour_the_rest
 from planlang.recoveries import put_down_and_regrasp as put_down_and_regrasp
 from planlang.recoveries import put_down_first as put_down_first
 from planlang.recoveries import recovery_strategy as recovery_strategy

@@ -200,6 +200,12 @@ class TorsoGoalUnreachable(TorsoFailure):
     text: ClassVar[str] = "the torso cannot reach the height"
 
 
+class TorsoGoalNotReached(TorsoFailure, ManipulationGoalNotReached):
+    """The torso stopped before the height; whatever repeats the motion of an arm repeats this one, too."""
+
+    text: ClassVar[str] = "the torso did not arrive"
+
+
 @dataclass(eq=False, repr=False)
 class EnvironmentManipulationFailure(LowLevelFailure):
     """A container or handle did not move as commanded."""

@@ -17,13 +17,17 @@ from typing import Any, TypeVar, cast
 
 from planlang.designators import Action, Condition, Object, a_location, action
 from planlang.failures import (
+    AmountNotPoured,
     BehindClosedDoor,
     ContainerStuck,
+    GraspSlipped,
+    GripperGoalNotReached,
     HandleNotReachable,
     HandsFull,
     LocationUnresolvable,
     LookingFailure,
     LowLevelFailure,
+    ManipulationGoalNotReached,
     ObjectNotFound,
     ObjectNowhereToBeFound,
     ObjectUndeliverable,
@@ -47,6 +51,8 @@ from planlang.records import dataclass
 
 GROUP = "planlang.recoveries"
 """Entry-point group of installed strategies."""
+NOT_OPERATED = (ContainerStuck, HandleNotReachable, GraspSlipped, GripperGoalNotReached, ManipulationGoalNotReached)
+"""Failures to open or close a door after which it may go from another place, once it was looked at."""
 ASIDE = "SettingAsideAnObject"
 """Class of actions that put a held object down on whatever is near."""
 
@@ -204,6 +210,35 @@ def look_from_another_place(what: Object) -> Do:
     return look
 
 
+@recovery_strategy("LookByMovingTheBase", about_object=True, moves_base=True)
+def look_by_moving_the_base(what: Object) -> Do:
+    """Look for the object once more; if the neck does not move, from where the camera sees it as it is pointed now.
+
+    Then the body runs again. The failure propagates if there is no such place, or if the object is not seen there.
+    """
+
+    Usage("look_by_moving_the_base", {"what": "bottle"}).instance("what", what, Object, "an object")
+
+    async def look(failure: PlanFailure) -> RecoveryResult:
+        if await _sees(what):
+            return RETRY
+        with suppress(ObjectUnreachable, ObjectUndeliverable, ObjectNotFound, LookingFailure):
+            await at_location(a_location(visible_from=what), partial(_look_for, what))
+            return RETRY
+        return PROPAGATE
+
+    return look
+
+
+@recovery_strategy("PourTheRest")
+async def pour_the_rest(failure: PlanFailure) -> RecoveryResult:
+    """Run the body again if some, and too little, has been poured; otherwise the failure propagates."""
+    short = next((link for link in failure.chain() if isinstance(link, AmountNotPoured)), None)
+    if short is None or short.asked is None or not 0 < (short.poured or 0) < short.asked:
+        return PROPAGATE
+    return RETRY
+
+
 @recovery_strategy("LookAndRepeat", about_object=True)
 def look_and_repeat(what: Object) -> Do:
     """Look at the object from here, which may correct its believed pose, then run the body again."""
@@ -257,7 +292,7 @@ def _opening(begun: tuple[Object, ...]) -> Do:
             return PROPAGATE
         for door in doors:
             freed = Recovery(HandsFull, put_down_first(door), retries=AGAIN)
-            again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(door), retries=AGAIN)
+            again = Recovery(NOT_OPERATED, step_back_and_repeat(door), retries=AGAIN)
             # furniture may stand behind doors between rooms, which the search for its handle names
             before = Recovery(BehindClosedDoor, _opening((*begun, door)))
             opening = action("OpeningAContainerArtifact", object_acted_on=door)

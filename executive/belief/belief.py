@@ -161,6 +161,18 @@ class Belief(KnownThings):
         if self.memory.given_up != before.given_up:
             self._changed("given up", name=f"hand of {arm}")
 
+    def neck_failed(self) -> None:
+        """Record that the neck stopped before the camera pointed where it should."""
+        before = self.memory.neck_given_up
+        self.memory = replace(self.memory, neck=self.memory.neck + 1)
+        if self.memory.neck_given_up != before:
+            self._changed("given up", name="neck")
+
+    def neck_arrived(self) -> None:
+        """Record that the neck has moved as commanded."""
+        if self.memory.neck:
+            self.memory = replace(self.memory, neck=0)
+
     def prefer(self, others: Iterable[str], grasp: str | None) -> None:
         """Give up the hands of ``others`` from the start, and take things by grasps of a class, if that does."""
         self.memory = replace(self.memory, failing=dict.fromkeys(others, MOST_FAILURES), grasp=grasp)

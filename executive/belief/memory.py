@@ -137,6 +137,8 @@ class Memory:
     """Object -> its poses in the tip frame that are ruled out as grips, because it could not be used with them."""
     failing: Mapping[str, int] = field(default_factory=dict)
     """Arm -> how often its fingers failed to reach their goal since it last grasped something."""
+    neck: int = 0
+    """How often the neck failed to point the camera since it last arrived."""
     grasp: str | None = None
     """Class of the grasps by which things are taken; None for any."""
 
@@ -145,13 +147,18 @@ class Memory:
         """Arms whose hands have failed so often that others are to be used."""
         return tuple(arm for arm, times in self.failing.items() if times >= MOST_FAILURES)
 
+    @property
+    def neck_given_up(self) -> bool:
+        """Whether the neck has failed so often that the base is turned instead."""
+        return self.neck >= MOST_FAILURES
+
     def evidence(self) -> object:
         """Summarise what answers about places depend on, as a cache key: not when something became known.
 
         Nor what designators are bound to, as a question binds those that it names.
         """
         sources = {name: (known.source, known.moves == self.moves) for name, known in self.known.items()}
-        return sources, self.in_vain, self.unknown, self.given_up, self.grasp
+        return sources, self.in_vain, self.unknown, self.given_up, self.grasp, self.neck_given_up
 
     def learned(self, names: Iterable[str], source: Source) -> Memory:
         """Know the poses of objects from a source, from now on."""

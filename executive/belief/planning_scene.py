@@ -18,7 +18,7 @@ from executive.motion import Gaze
 from executive.motion.bodies import Solids
 from executive.robots.arms import ArmModel, Held, RobotModel
 from planlang.designators import Device
-from planlang.geometry import Array
+from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Block
 from planlang.geometry.matrices import rotated
 from planlang.geometry.shapes import SolidKind
@@ -155,9 +155,18 @@ class Visibility(ScenePart):
 
     def __init__(self, mirror: WorldMirror, model: RobotModel, belief: Belief, bodies: BelievedBodies) -> None:
         super().__init__(mirror, belief)
-        self._robot, self._bodies, self.gaze = model.robot, bodies, model.gaze
+        self._robot, self._bodies, self._gaze = model.robot, bodies, model.gaze
         self._hidden: Kept[dict[tuple[BasePose, str], str | None]] = Kept()
         self._unseen: Kept[dict[str, Unseen]] = Kept()
+
+    @property
+    def gaze(self) -> Gaze | None:
+        """What points the camera; one that is fixed as it is now while the neck is given up; None without a camera."""
+        camera = self._robot.camera
+        if self._gaze is None or camera is None or not self._belief.memory.neck_given_up:
+            return self._gaze
+        base = Pose.planar(*self._world.configuration().base)
+        return Gaze.fixed((base.inverse() @ self._world.link_pose(camera.link)).matrix(), camera.forward)
 
     def supposing(self, belief: Belief) -> Visibility:
         """Make the same part for another belief."""
@@ -201,7 +210,8 @@ class Visibility(ScenePart):
     def _state(self) -> object:
         """Cache key of visibility."""
         state = self._belief.state
-        return state.poses, state.away, state.held, tuple(self._world.configuration().joints.items())
+        joints = tuple(self._world.configuration().joints.items())
+        return state.poses, state.away, state.held, joints, self._belief.memory.neck_given_up
 
     def _hides(self, base: BasePose, name: str) -> str | None:
         """Compute :meth:`hidden` without the cache."""

@@ -55,6 +55,7 @@ def _beliefs(state: WorldState, memory: Memory) -> dict[str, Any]:
         "leaves": {leaf: value for leaf, value in state.joints.items() if value},
         "led": dict(state.led),
         "failing": dict(memory.failing),
+        "neck": memory.neck,
         **({} if memory.grasp is None else {"grasp": memory.grasp}),
         "witnessed": sorted(memory.witnessed),
         "known": {name: [one.source.value, one.time, one.moves] for name, one in memory.known.items()},
@@ -108,6 +109,7 @@ def _load(
         met=None if left["met"] is None else str(left["met"]),
         dropped={str(arm): str(name) for arm, name in left["dropped"].items()},
         failing={str(arm): int(times) for arm, times in left["failing"].items()},
+        neck=int(left.get("neck", 0)),
         grasp=left.get("grasp"),
         refused={str(name): tuple(map(_pose, offsets)) for name, offsets in left["refused"].items()},
     )

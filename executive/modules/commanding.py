@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from copy import copy
@@ -19,6 +20,7 @@ from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose, pinched
 from executive.locations.views import NO_SCREENS, hiding
 from executive.modules.flowing import Flowing
+from executive.modules.motion_failures import ARRIVED, failure_of
 from executive.modules.out_of_arms import out_of_arms
 from executive.motion import time_path
 from executive.robots import Robot
@@ -30,13 +32,11 @@ from planlang.failures import (
     GripperGoalNotReached,
     LookingFailure,
     LookingGoalUnreachable,
-    ManipulationGoalNotReached,
-    NavigationGoalNotReached,
     ObjectLost,
-    PlanFailure,
 )
 from planlang.geometry import Array, Pose, matrices
 from planlang.geometry.areas import Block
+from planlang.geometry.matrices import rotated
 from planlang.kernel import Fluent, checkpoint, now, sleep, wait_for
 from planlang.language.resources import using
 from planlang.protocols import Group, GroupKind, Motion, MotionState, RobotInterface, Touch, Trajectory
@@ -139,7 +139,7 @@ class Control:
                         break
                 motion = self.world.motion(group)
                 if motion.state is MotionState.FAILED:
-                    raise _failed(group, motion.reason)
+                    raise failure_of(group, motion.reason, trajectory, self.world.configuration(), self.robot.torso)
                 return motion
             finally:
                 self.world.halt(group)
@@ -210,19 +210,6 @@ class Control:
             jerk=[limit.jerk for limit in limits],
             rate=self.world.rate,
         )
-
-
-def _failed(group: Group, reason: str | None) -> PlanFailure:
-    """Build the failure for a motion of a group that the robot reports as failed."""
-    suffix = "" if reason is None else f": {reason}"
-    match group.kind:
-        case GroupKind.BASE:
-            return NavigationGoalNotReached(f"{NavigationGoalNotReached.text}{suffix}")
-        case GroupKind.HEAD:
-            return LookingFailure(f"{LookingFailure.text}{suffix}")
-        case GroupKind.FINGERS:
-            return GripperGoalNotReached(f"{GripperGoalNotReached.text}{suffix}", arm=group.arms[0])
-    return ManipulationGoalNotReached(f"{ManipulationGoalNotReached.text}{suffix}", arm=str(group))
 
 
 class Hands:
@@ -324,7 +311,11 @@ class Sensing:
         self._control = control
 
     async def look_at(self, point: Array, name: str) -> None:
-        """Turn the neck so that a map point (3,) is in the image. Raises LookingGoalUnreachable beyond its limits."""
+        """Turn the neck so that a map point (3,) is in the image.
+
+        Raises LookingGoalUnreachable beyond its limits, and LookingFailure if it stops where the point is not in the
+        image. After the second time the neck is given up: the camera looks where it does now, and the base turns.
+        """
         control, camera, gaze = self._control, self._control.robot.camera, self._control.scene.visibility.gaze
         if gaze is None or camera is None:
             await checkpoint()
@@ -336,7 +327,27 @@ class Sensing:
             await checkpoint()
             return
         path = np.stack([control.joints(gaze.joints), neck])
-        await control.follow(Group(GroupKind.HEAD), control.timed(gaze.joints, path))
+        belief = control.belief
+        try:
+            await control.follow(Group(GroupKind.HEAD), control.timed(gaze.joints, path))
+        except LookingFailure as failure:
+            belief.neck_failed()
+            failure.what = name
+            raise
+        if np.abs(control.joints(gaze.joints) - neck).max() <= ARRIVED:
+            belief.neck_arrived()
+        elif self._misses(point) > camera.half_angle:
+            belief.neck_failed()
+            raise LookingFailure(f"the neck stopped before the camera pointed at {name}", what=name)
+
+    def _misses(self, point: Array) -> float:
+        """Compute by how much the camera, as it is, misses a map point (3,) [rad]; infinity without one."""
+        camera = self._control.robot.camera
+        if camera is None:
+            return math.inf
+        pose = self._control.world.link_pose(camera.link)
+        axis, arrow = rotated(pose.rotation, np.asarray(camera.forward, float)), point - np.array(pose.position)
+        return float(np.arccos(np.clip(axis @ arrow / max(float(np.linalg.norm(arrow)), 1e-9), -1.0, 1.0)))
 
     async def shows(self, points: Iterable[Array], name: str, is_seen: Callable[[tuple[str, ...]], bool]) -> bool:
         """Look at points (3,) of the map, one after the other, until an image shows what is looked for.
@@ -402,7 +413,7 @@ class Sensing:
         """Look at a touched map point (3,), or as low above it as the neck can bend."""
         async with using("head"):
             for height in HEIGHTS:
-                with suppress(LookingGoalUnreachable):
+                with suppress(LookingFailure):
                     await self.look_at(point + np.array([0.0, 0.0, height]), "what was touched")
                     break
         self.see()

@@ -476,6 +476,8 @@ class Expressions:
             again = [] if recovery.again is None else [self._repeats[recovery.again]]
             arguments.append(call(do, *about, *again) if about else do)
         more: dict[str, Expression | str] = {"retries": str(retries)}
+        if recovery.within is not None:
+            more["within"] = f"{recovery.within:g}"
         declared = recovery.strategy.otherwise
         if recovery.otherwise != (declared and declared.__name__):
             more["otherwise"] = use(recovery.otherwise, "planlang.failures") if recovery.otherwise else "None"

@@ -372,7 +372,7 @@ def _in_words(recovery: Recover) -> str:
 def _renamed(recovery: Recover, substitution: Substitution) -> Recover:
     """Translate a recovery of a called function to the terms of its caller."""
     about = substituted_thing(recovery.about, substitution) if recovery.about is not None else None
-    return Recover(recovery.failure, recovery.strategy, about, recovery.attempts, recovery.otherwise)
+    return replace(recovery, about=about, again=None)
 
 
 def _fetching(recovery: Recover, step: Step) -> str:

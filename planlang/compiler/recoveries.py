@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from collections.abc import Set as AbstractSet
 
 import planlang.failures as failures
@@ -112,7 +112,7 @@ class Recoveries:
 
     def around_step(self, cls: str, about: Thing | None, written: frozenset[str]) -> tuple[Recover, ...]:
         """Recoveries of a class that keep the base in place; ``written`` names rules that surround the step already."""
-        return tuple(
+        return _first_of_each(
             _recover(failure, rule, strategy, about)
             for failure, rule in self._of(cls)
             if (strategy := find_strategy(rule.strategy)) is not None
@@ -150,7 +150,7 @@ class Recoveries:
 
     def going_back(self, cls: str, about: Thing | None) -> tuple[Recover, ...]:
         """Recoveries of an action that run it again when a later step fails."""
-        return tuple(
+        return _first_of_each(
             _recover(failure, rule, strategy, about)
             for failure, rule in self._of(cls)
             if about is not None and (strategy := find_strategy(rule.strategy)) is not None and strategy.goes_back
@@ -175,4 +175,19 @@ class Recoveries:
 
 
 def _recover(failure: str, rule: RecoveryRule, strategy: Strategy, about: Thing | None) -> Recover:
-    return Recover(failure, strategy, about if strategy.about_object else None, rule.attempts, rule.escalates_to)
+    return Recover(
+        failure,
+        strategy,
+        about if strategy.about_object else None,
+        rule.attempts,
+        rule.escalates_to,
+        within=rule.within,
+    )
+
+
+def _first_of_each(recoveries: Iterable[Recover]) -> tuple[Recover, ...]:
+    """Keep the first recovery for each failure: a second one in the same place would never be asked."""
+    chosen: dict[str, Recover] = {}
+    for one in recoveries:
+        chosen.setdefault(one.failure, one)
+    return tuple(chosen.values())

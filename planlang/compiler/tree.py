@@ -122,7 +122,8 @@ class Achieve:
 class Recover:
     """One recovery: failure class, strategy and its object, number of attempts, and the failure to raise after them.
 
-    ``again`` names the branch that the strategy runs again (:class:`Again`).
+    ``within`` is the time since the start of the body after which nothing more is attempted [s]. ``again`` names the
+    branch that the strategy runs again (:class:`Again`).
     """
 
     failure: str
@@ -131,6 +132,7 @@ class Recover:
     attempts: int
     otherwise: str | None
     again: str | None = None
+    within: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

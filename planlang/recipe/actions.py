@@ -242,6 +242,10 @@ class RecoveryRule:
     attempts: int
     escalates_to: str | None
     rank: int
+    transient: bool = False
+    """True if the failure may pass by itself."""
+    within: float | None = None
+    """Time since the start of the action after which nothing more is attempted [s]."""
     span: Span | None = None
     problems: tuple[Diagnostic, ...] = ()
     """Errors (R043) of malformed numbers; the rule uses the default instead."""
@@ -280,6 +284,8 @@ def read_recoveries(ontology: Ontology) -> tuple[RecoveryRule, ...]:
                 _count(ontology, individual, "attempts", 1, problems),
                 next(iter(texts(ontology, individual, "escalatesTo")), None),
                 _count(ontology, individual, "rank", 0, problems),
+                next(iter(texts(ontology, individual, "transient")), "") in ("true", "1"),
+                _count(ontology, individual, "within", 0, problems) or None,
                 ontology.span(individual),
             )
             rules.append(replace(rule, problems=tuple(problems)))
@@ -289,17 +295,18 @@ def read_recoveries(ontology: Ontology) -> tuple[RecoveryRule, ...]:
 def recoveries_of(ontology: Ontology, rules: tuple[RecoveryRule, ...], cls: str) -> list[tuple[str, RecoveryRule]]:
     """List the rules that apply to an action class as pairs (failure, rule), nearest class first, then by rank.
 
-    For the same failure a rule of a nearer class replaces that of a farther one; ``attempts 0`` disables it.
+    For the same failure the rules of a nearer class replace those of a farther one; ``attempts 0`` disables them. Of a
+    class there may be several for one failure: some strategies stay in place, and others move the base.
     """
-    chosen: dict[str, RecoveryRule] = {}
+    chosen: dict[str, list[RecoveryRule]] = {}
     for ancestor in ontology.ancestors(cls):
         nearer = set(chosen)
         for rule in sorted(rules, key=lambda rule: rule.rank):
             if ancestor in rule.actions:
                 for failure in rule.failures:
                     if failure not in nearer:
-                        chosen.setdefault(failure, rule)
-    return [(failure, rule) for failure, rule in chosen.items() if rule.attempts > 0]
+                        chosen.setdefault(failure, []).append(rule)
+    return [(failure, rule) for failure, some in chosen.items() for rule in some if rule.attempts > 0]
 
 
 def _count(ontology: Ontology, subject: str, property_name: str, default: int, problems: list[Diagnostic]) -> int:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Awaitable, Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -88,9 +90,10 @@ class Room:
     def do(self, kind: str, name: str, *, steps: int = 30_000) -> None:
         """Perform an action about a thing; raises its failure."""
 
-        async def plan() -> None:
-            await perform(action(kind, object_acted_on=self.designator(name)))
+        self.run(lambda: perform(action(kind, object_acted_on=self.designator(name))), steps=steps)
 
+    def run(self, plan: Callable[[], Awaitable[Any]], *, steps: int = 30_000) -> None:
+        """Run a plan; raises its failure."""
         run(plan, host=SimulationHost(self.truth), executive=self.executive, max_steps=steps)
 
 

@@ -17,7 +17,6 @@ from planlang.failures import (
     HandleNotReachable,
     HandsFull,
     LookingFailure,
-    LookingGoalUnreachable,
     ManipulationFailure,
     ManipulationGoalInCollision,
     ManipulationGoalNotReached,
@@ -79,7 +78,7 @@ class HandWork(PlatformModule):
 
     async def look(self, what: str) -> None:
         """Look at a body, if the neck can, and update the belief."""
-        with suppress(LookingGoalUnreachable):
+        with suppress(LookingFailure):
             await self.platform.sensing.look_at(self.platform.scene.bodies.block(what).centre, what)
             self.platform.sensing.see()
 

@@ -18,7 +18,6 @@ from planlang.failures import (
     ContainerStuck,
     DesignatorFailure,
     EnvironmentManipulationFailure,
-    HandleNotReachable,
     ManipulationFailure,
     NavigationFailure,
     PlanFailure,
@@ -28,7 +27,7 @@ from planlang.kernel import checkpoint
 from planlang.language.performing import perform
 from planlang.language.process_module import process_module
 from planlang.language.recovery import Recovery
-from planlang.recoveries import step_back_and_repeat
+from planlang.recoveries import NOT_OPERATED, step_back_and_repeat
 
 NEARBY = 0.01
 """Distance and turn up to which the base counts as being where it was [m, rad]."""
@@ -110,6 +109,6 @@ class ClosingAgain(PlatformModule):
             raise ContainerStuck("shut, it would part the robot from its place", what=str(door))
 
     async def _close(self, door: Object, side: FixedPose | None) -> None:
-        again = Recovery((ContainerStuck, HandleNotReachable), step_back_and_repeat(door))
+        again = Recovery(NOT_OPERATED, step_back_and_repeat(door))
         properties = {"object_acted_on": door} if side is None else {"object_acted_on": door, "to_location": side}
         await perform(action("ClosingAContainerArtifact", **properties), recoveries=[again])

@@ -285,16 +285,23 @@ class LeafWork(HandWork):
         await self.back(path.arm, path.poses, path.handle)
 
     async def _verify(self, path: LeafPath, problem: PlanFailure | None) -> None:
-        """Look at the leaf after a motion, or a grasp that missed it. Raises ContainerStuck if it has not moved."""
+        """Look at the leaf after a motion, or a grasp that missed it. Raises ContainerStuck if it has not moved.
+
+        If the hand slipped off its handle, only if the leaf is seen where it was: a stuck one lets no hand go on.
+        """
         leaf, belief = self._joint.leaf, self.platform.belief
         if isinstance(problem, GraspMissed):
             await is_witnessed(self, leaf)
             return
         belief.doubted(leaf)
-        if not await is_seen_from_here(self.platform, leaf) and not isinstance(problem, GraspSlipped):
+        slipped, is_seen = isinstance(problem, GraspSlipped), await is_seen_from_here(self.platform, leaf)
+        if not is_seen and not slipped:
             belief.touched(leaf, self._value())  # what the hand felt
-        if problem is None and abs(self._value() - path.values[0]) < NO_FURTHER * self._joint.upper:
-            raise ContainerStuck(what=leaf)
+        if problem is not None and not (slipped and is_seen):
+            return
+        if abs(self._value() - path.values[0]) < NO_FURTHER * self._joint.upper:
+            message = f"{leaf} does not move, and the hand slips off {path.handle}" if slipped else ""
+            raise ContainerStuck(message, what=leaf) from problem
 
     def _feels_as_believed(self, path: LeafPath) -> bool:
         """Believe of a leaf that was not seen what fingers feel at its handle; return whether it was believed there."""

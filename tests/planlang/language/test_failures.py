@@ -232,7 +232,7 @@ PlanFailure
       GripperFailure
         GraspMissed GraspSlipped GripperGoalNotReached
       TorsoFailure
-        TorsoGoalUnreachable
+        TorsoGoalUnreachable TorsoGoalNotReached
     EnvironmentManipulationFailure
       ContainerStuck HandleNotReachable DeviceUnresponsive
     CommunicationFailure

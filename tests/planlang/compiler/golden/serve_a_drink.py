@@ -1,7 +1,7 @@
 """Serve a drink.
 
 Compiled by planlang 0.1.0 from serve_a_drink.omn (sha256 7b3a485023f303a1), task ServeADrink.
-What follows has sha256 03f2b0c648d597e73b365c202e7b967e2c36823e5fd9947b210beae2dd32be22 unless it was edited.
+What follows has sha256 627a6d59319cd886b5694b181fb32c1c8b49132695ebb28126fd21574ab32dda unless it was edited.
 """
 
 from functools import partial
@@ -9,10 +9,12 @@ from functools import partial
 from planlang import Recovery, action, action_class, at_location, holding, perform, plan, with_failure_handling
 from planlang.designators import Object, Person, a_device, a_location, a_person, a_posture, an_object
 from planlang.failures import (
+    AmbiguousPerception,
     GraspMissed,
     GraspSlipped,
     GripperGoalNotReached,
     HandoverNotTaken,
+    LookingFailure,
     ManipulationGoalNotReached,
     ObjectLost,
     ObjectNotFound,
@@ -23,9 +25,11 @@ from planlang.failures import (
 from planlang.recoveries import (
     fetch_again,
     look_and_repeat,
+    look_by_moving_the_base,
     look_from_another_place,
     open_what_is_in_the_way,
     put_down_and_regrasp,
+    step_back_and_repeat,
 )
 
 RECIPE = "http://planlang.org/kb/serve_a_drink.owl#"
@@ -46,27 +50,27 @@ async def grasp_bottle(*, bottle: Object = BOTTLE) -> None:
     approach_pose = a_location("approachPose", in_front_of=bottle, using=GRIPPER)
     await perform(
         action(RECIPE + "ApproachBottle", below="Reaching", to_location=approach_pose, device_used=GRIPPER),
-        recoveries=[Recovery(ManipulationGoalNotReached, retries=3)],
+        recoveries=[Recovery(ManipulationGoalNotReached, retries=3, within=120)],
     )
     await perform(
         action(RECIPE + "OpenGripper", below="OpeningAGripper", device_used=GRIPPER),
-        recoveries=[Recovery(GripperGoalNotReached, retries=3)],
+        recoveries=[Recovery(GripperGoalNotReached, retries=3, within=30)],
     )
     grasp_pose = a_location("graspPose", in_center_of=bottle, using=GRIPPER)  # where the hand closes
     await perform(
         action(RECIPE + "ReachForBottle", below="Reaching", to_location=grasp_pose, device_used=GRIPPER),
-        recoveries=[Recovery(ManipulationGoalNotReached, retries=3)],
+        recoveries=[Recovery(ManipulationGoalNotReached, retries=3, within=120)],
     )
     await perform(action(RECIPE + "CloseGripper", below="ClosingAGripper", device_used=GRIPPER))
     # lift the bottle to where the hand came from
     await perform(
         action(RECIPE + "LiftBottle", below="Reaching", to_location=approach_pose, device_used=GRIPPER),
-        recoveries=[Recovery(ManipulationGoalNotReached, retries=3)],
+        recoveries=[Recovery(ManipulationGoalNotReached, retries=3, within=120)],
     )
     # bring the bottle close to the robot
     await perform(
         action(RECIPE + "ParkArm", below="Reaching", to_location=CARRYING, device_used=GRIPPER),
-        recoveries=[Recovery(ManipulationGoalNotReached, retries=3)],
+        recoveries=[Recovery(ManipulationGoalNotReached, retries=3, within=120)],
     )
 
 
@@ -98,6 +102,8 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
         at_grasping_place,
         Recovery(ObjectUnreachable, open_what_is_in_the_way(bottle), retries=2),
         Recovery(ObjectNotFound, look_from_another_place(bottle), retries=3),
+        Recovery(LookingFailure, look_by_moving_the_base(bottle), retries=2),
+        Recovery(AmbiguousPerception, step_back_and_repeat(bottle), retries=1),
         Recovery(ObjectLost, fetch_again(bottle), retries=2),
         Recovery(ObjectUndeliverable, put_down_and_regrasp(bottle), retries=1),
         reaching=(approach_pose, grasp_pose),
@@ -112,12 +118,12 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
         # offer the bottle to the patient
         await perform(
             action(RECIPE + "ReachToHandoverPose", below="Reaching", to_location=handover_pose, device_used=GRIPPER),
-            recoveries=[Recovery(ManipulationGoalNotReached, retries=3)],
+            recoveries=[Recovery(ManipulationGoalNotReached, retries=3, within=120)],
         )
         # let go of the bottle when the patient has taken it
         await perform(
             action(HAND_OVER_BOTTLE, object_acted_on=bottle, recipient=patient, device_used=GRIPPER),
-            recoveries=[Recovery(HandoverNotTaken, retries=3)],
+            recoveries=[Recovery(HandoverNotTaken, retries=1, within=60)],
         )
 
     await with_failure_handling(
@@ -126,7 +132,10 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
             a_location("handoverPlace", in_reach_of=patient, using=GRIPPER),  # where the base stands to hand over
             at_handover_place,
             Recovery(ObjectUndeliverable, open_what_is_in_the_way(patient), retries=2),
+            Recovery(HandoverNotTaken, step_back_and_repeat(patient), retries=1),
             Recovery(ObjectNotFound, look_from_another_place(patient), retries=3),
+            Recovery(LookingFailure, look_by_moving_the_base(patient), retries=2),
+            Recovery(AmbiguousPerception, step_back_and_repeat(patient), retries=1),
             Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), retries=2),
             reaching=(handover_pose,),
             by=action_class(RECIPE + "MoveBaseToHandoverPose", below="Translation-LocationChange"),
