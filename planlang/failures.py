@@ -249,9 +249,6 @@ class HandoverNotTaken(CommunicationFailure):
     text: ClassVar[str] = "the object was not taken"
 
 
-# -- raised by plans from low-level failures
-
-
 @dataclass(eq=False, repr=False)
 class HighLevelFailure(PlanFailure):
     """The plan cannot achieve a purpose. ``what`` names the object concerned."""
@@ -289,9 +286,6 @@ class EnvironmentUnreachable(HighLevelFailure):
     """A piece of furniture cannot be operated from any place tried."""
 
     text: ClassVar[str] = "the furniture cannot be reached"
-
-
-# -- descriptions that match nothing
 
 
 @dataclass(eq=False, repr=False)
