@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Annotated
 
 from executive.options.declaring import argument, option, output, output_folder
-from executive.options.results import Csv, ResultFiles
+from executive.options.results import ResultFiles
 from executive.options.running import (
     Accept,
     Environment,
@@ -107,13 +107,34 @@ class SweepArguments(SweepOptions, Arguments):
     """
 
 
+class Verdict(Enum):
+    """What a comparison may show, by more than chance explains."""
+
+    WORSE = "worse"
+    """A variant reaches the goal less often than the first one."""
+    DIFFERENT = "different"
+    """Two variants do not reach it equally often."""
+
+
+FailIf = Annotated[
+    Verdict | None,
+    option(
+        help="Exit code 1 if the comparison shows a variant that reaches the goal less often than the first one "
+        "(worse), or any difference (different)."
+    ),
+]
+
+
 @dataclass(frozen=True, kw_only=True)
 class CompareArguments(SweepOptions, Arguments):
     """Run variants of a plan or a recipe in the same worlds, and compare them.
 
     Name two variants or more with --vary or --variant. They are compared in pairs, world by world: how often each
-    reaches its goal, how long it takes, and how sure the difference is.
+    reaches its goal, how long it takes, and how sure the difference is. Whatever it is, the exit code is 0 unless
+    --fail-if says otherwise.
     """
+
+    fail_if: FailIf = None
 
 
 class Form(Enum):
@@ -250,12 +271,11 @@ class ReplayArguments(TaskArguments):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SweepMergeArguments(Arguments):
+class SweepMergeArguments(ResultFiles, Arguments):
     """Merge the shards of a sweep into one file."""
 
     files: Annotated[list[Path], argument(metavar="FILE...", help="Files written by planlang sweep --output.")]
     output: Annotated[Path, output("Write the merged sweep to this file.", "--out")]
-    csv: Csv = None
     force: Force = False
 
 
@@ -273,4 +293,5 @@ class SweepTableArguments(ResultFiles, Arguments):
             ),
         ),
     ] = None
+    fail_if: FailIf = None
     force: Force = False

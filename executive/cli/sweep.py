@@ -33,8 +33,9 @@ def watched(arguments: SweepArguments | CompareArguments, command: str = "sweep"
     """
     rows: dict[Any, Row] = {}
     part, parts = arguments.shard or (1, 1)
+    variants = [one.name for one in variants_of(arguments)]
     seeds = len(range(arguments.first + part - 1, arguments.first + arguments.worlds, parts))
-    total = seeds * max(1, len(variants_of(arguments)))
+    total = seeds * max(1, len(variants))
     tell = printer_of(arguments)
     progress = Counts(total, tell, progress_of(arguments))
 
@@ -53,10 +54,15 @@ def watched(arguments: SweepArguments | CompareArguments, command: str = "sweep"
         )
     except KeyboardInterrupt:
         PROGRESS.close()
-        done = [rows[key] for key in sorted(rows)]
+        done = sorted(rows.values(), key=lambda row: _place(row, variants))
         say(_how_to_go_on(arguments, len(done), total))
         return done, total, False
     return all_rows, total, True
+
+
+def _place(row: Row, variants: Sequence[str]) -> tuple[int, int]:
+    """Where the row of a world comes: its seed, then its variant."""
+    return (row["seed"], variants.index(row["variant"])) if variants else (row["world"], 0)
 
 
 def _how_to_go_on(arguments: SweepArguments | CompareArguments, done: int, total: int) -> str:

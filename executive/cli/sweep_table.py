@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from executive.cli.arguments import SweepTableArguments
+from executive.cli.arguments import SweepTableArguments, Verdict
 from executive.cli.console import Answer, ExitCode
 from executive.runs.files import refuse
 from executive.runs.options import Outcome
@@ -28,12 +28,12 @@ def command(arguments: SweepTableArguments) -> Answer:
     refuse(check_results(arguments, SweepTableArguments, {str(file): file for file in arguments.files}))
     sweeps = [read_sweep(file) for file in arguments.files]
     first = sweeps[0]
-    is_one = len(sweeps) == 1
-    comparison = Comparison.of(first.rows, first.variants) if is_one and first.variants else comparison_of(sweeps)
+    is_one, comparison = len(sweeps) == 1, comparison_of(sweeps)
     rows = first.rows if is_one else comparison.rows
     title = ", ".join(sweep.file for sweep in sweeps)
     write_results(arguments, title, rows, comparison, _pages(arguments.reports or (), sweeps, comparison.rows))
-    return answered(first) if is_one else _compared(sweeps, comparison)
+    answer = answered(first) if is_one else _compared(sweeps, comparison)
+    return answer if arguments.fail_if is None else replace(answer, exit_code=code_of(comparison, arguments.fail_if))
 
 
 def _pages(reports: Sequence[Path], sweeps: Sequence[Sweep], rows: Sequence[Row]) -> dict[tuple[Any, Any], Path]:
@@ -49,6 +49,12 @@ def _compared(sweeps: Sequence[Sweep], comparison: Comparison) -> Answer:
     """Answer with a comparison of sweeps, each a variant, or several if it has some."""
     problems = [*notes_on(sweeps), *(one for sweep in sweeps for one in _incomplete(sweep))]
     return Answer(ExitCode.DONE, tuple(problems), str(comparison), comparison.as_json())
+
+
+def code_of(comparison: Comparison, fails: Verdict | None) -> ExitCode:
+    """FAILED if the comparison shows what is asked for; else DONE, as a comparison is no test of its variants."""
+    found = {Verdict.WORSE: comparison.worse, Verdict.DIFFERENT: comparison.different}
+    return ExitCode.FAILED if fails is not None and found[fails] else ExitCode.DONE
 
 
 def answered(sweep: Sweep) -> Answer:

@@ -9,14 +9,12 @@ from executive.options.declaring import written
 from planlang.outputs import PNG_OR_SVG
 from planlang.records import dataclass
 
-Csv = Annotated[Path | None, written("Also write the rows as CSV.")]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ResultFiles:
     """Files that are written once all worlds are done."""
 
-    csv: Csv = None
+    csv: Annotated[Path | None, written("Also write the rows as CSV.")] = None
     parquet: Annotated[Path | None, written("Also write the rows as Parquet (needs the extra parquet).")] = None
     plot: Annotated[
         Path | None,

@@ -10,7 +10,7 @@ from executive.maps import SemanticMap
 from executive.runs.parameters import Bound
 from executive.runs.true_world import TrueWorld
 from planlang.designators import Action, Object, action
-from planlang.diagnostics import BadInput, error
+from planlang.diagnostics import BadInput, Diagnostic, error, warning
 from planlang.language.budgets import budget
 from planlang.language.performing import perform
 from planlang.language.plan_text import Needs
@@ -21,7 +21,9 @@ from planlang.language.source import PlanSource
 from planlang.language.tidying import tidied
 from planlang.ontology import shorten
 from planlang.records import dataclass
+from planlang.runs import RunTree
 from planlang.runs.codec import load as load_exact
+from planlang.spelling import similar
 from planlang.words import Option, Text
 from sim import Scene
 
@@ -29,6 +31,10 @@ BUDGET, PER_STEP = 600.0, 60.0
 """Plan time, beside waiting, after which a run is aborted: a constant, and more for each step of the plan [s]."""
 
 
+STEPS = ("perform", "at_location")
+"""Kinds of constructs before which an action may come."""
+MOST_ALIKE = 3
+"""Steps that are named in place of one to which a run did not come."""
 ACTIONS_BEFORE = "with_actions_before"
 """Node around a plan before which actions come."""
 
@@ -85,6 +91,26 @@ class ActionBefore:
         """Read those of the header of a trace. Raises ValueError."""
         actions, stated = load_exact(header.get("actions_before", [])), header.get("before") or ()
         return [ActionBefore(one, _parts(text)[1]) for one, text in zip(actions, stated, strict=True)]
+
+
+def steps_not_reached(first: Sequence[ActionBefore], records: Iterable[Mapping[str, Any]]) -> list[Diagnostic]:
+    """Warn of steps before which actions should have come, and to which a run, by its trace, did not come."""
+    if not any(one.step for one in first):
+        return []
+    tree = RunTree()
+    for record in records:
+        tree.add(record)
+    paths = {node.path for node in tree.numbered.values()}
+    steps = dict.fromkeys(node.path for node in tree.numbered.values() if node.kind in STEPS)
+    found = []
+    for one in first:
+        tried = f"{one.step.rpartition('/')[0]}/{one.action.type}"  # it may have failed before the step began
+        if one.step and not paths & {one.step, tried}:
+            message = Text(Option("before"), f": the run did not come to the step {one.step}: nothing came before it")
+            alike = ", ".join(similar(one.step, steps, n=MOST_ALIKE))
+            advice = f"name a step that it came to, such as {alike}" if alike else "name a step that it came to"
+            found.append(warning("X035", message, help=advice))
+    return found
 
 
 def allowance(source: PlanSource, bound: Mapping[str, Bound], first: Sequence[ActionBefore] = ()) -> float:

@@ -33,7 +33,7 @@ from executive.runs.parameters import (
     things_of,
     unknown_things,
 )
-from executive.runs.plan_body import ActionBefore, Subject, allowance, body_of
+from executive.runs.plan_body import ActionBefore, Subject, allowance, body_of, steps_not_reached
 from executive.runs.plan_files import (
     Assessment,
     Requirements,
@@ -224,7 +224,12 @@ class Run:
             found += notes
         if isinstance(earlier, Past):
             self._restore(executive, earlier)
-        return self._execute(body, subject.bound, executive, truth, header, earlier, seconds)
+        result = self._execute(body, subject.bound, executive, truth, header, earlier, seconds)
+        late = [] if result.is_interrupted else steps_not_reached(first, result.trace)
+        if late:
+            options.announce(late)
+            result = replace(result, diagnostics=(*result.diagnostics, *late))
+        return result
 
     def _subject(self) -> Subject:
         """Read the map and bind the parameters. Raises BadInput for an invalid map or parameter."""

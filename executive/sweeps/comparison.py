@@ -196,6 +196,17 @@ class Comparison:
         return variants + pairs if self.pairs else variants
 
     @property
+    def different(self) -> tuple[Pair, ...]:
+        """Pairs whose shares differ more than chance explains."""
+        return tuple(one for one in self.pairs if one.is_different)
+
+    @property
+    def worse(self) -> tuple[Pair, ...]:
+        """Those of the first variant with one that reaches the goal less often, by more than chance explains."""
+        first = self.variants[0].name if self.variants else None
+        return tuple(one for one in self.different if one.first == first and one.difference < 0)
+
+    @property
     def by_variant(self) -> Mapping[str, Sequence[Row]]:
         """Rows of each variant, sorted by seed."""
         rows = sorted(self.rows, key=_by_seed)
@@ -239,7 +250,12 @@ class Comparison:
 
 
 def comparison_of(sweeps: Sequence[Sweep]) -> Comparison:
-    """Compare sweeps in the worlds that they have in common; each is a variant, or has some."""
+    """Compare sweeps in the worlds that they have in common; each is a variant, or has some.
+
+    The variants of one that is alone keep their names.
+    """
+    if len(sweeps) == 1 and sweeps[0].variants:
+        return Comparison.of(sweeps[0].rows, sweeps[0].variants)
     rows, variants, files = list[Row](), dict[str, Mapping[str, str]](), set[str]()
     for sweep in sweeps:
         file = sweep.file

@@ -9,7 +9,7 @@ from typing import Any
 from executive.locations.demands import LocationMeaningless
 from executive.locations.rejections import NO_HOLD
 from executive.runs.options import RunResult
-from executive.runs.plan_body import ACTIONS_BEFORE
+from executive.runs.plan_body import ACTIONS_BEFORE, STEPS
 from planlang.advice import Change
 from planlang.failures import (
     ActionUnresolvable,
@@ -45,8 +45,6 @@ SAME = 100
 """Number of characters at either end by which texts are compared."""
 CONCURRENT = frozenset({"par", "partial_order", "par_each", "try_all", "with_requests"})
 """Kinds of constructs whose branches run in an order that the schedule determines."""
-STEPS = ("perform", "at_location")
-"""Kinds of constructs before which an action may come."""
 
 
 @dataclass(frozen=True, slots=True)

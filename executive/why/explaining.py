@@ -18,7 +18,7 @@ from executive.runs.explanation import Explanation
 from executive.runs.files import refuse
 from executive.runs.options import RunOptions
 from executive.runs.parameters import things_of
-from executive.runs.plan_body import Subject
+from executive.runs.plan_body import ActionBefore, Subject, steps_not_reached
 from executive.runs.plan_run import Run, run_plan_file
 from executive.runs.prepared import RunFiles, prepared
 from executive.runs.remedies import call_of
@@ -101,7 +101,9 @@ def explained(
     with Run(files) as run:
         subject, robot = run.beginning()
         files = replace(files, options=replace(files.options, task=run.task))
-        found = tuple(one for one in run.found if one.code == "X025")
+        first = ActionBefore.read(files.options.before or (), subject.map, run.plan.name)
+        late = steps_not_reached(first, [line.record for line in recorded.lines])
+        found = (*(one for one in run.found if one.code == "X025"), *late)
     situation = _situation(subject, robot, files, evidence)
     files = _with_short_start(files)
     with workers(Task(job=RUNS, reads=READS_RUN, say=told, **engine)) as used:

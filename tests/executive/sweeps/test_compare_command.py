@@ -13,7 +13,7 @@ import planlang
 from executive.commands.sweep import swept
 from executive.options.declaring import made
 from executive.options.running import SweepOptions
-from executive.sweeps.files import read_sweep
+from executive.sweeps.files import header_of, read_sweep, write_sweep
 from executive.sweeps.records import Done
 from tests.support.cli_runs import answer, invoke
 from tests.support.refusals import refusal
@@ -93,6 +93,55 @@ def test_an_interrupted_comparison_compares_what_was_done(tmp_path: Path, monkey
     assert result.exit_code == 130
     assert f"interrupted after 2 of 4 worlds, which {tmp_path / 'rows'} has: repeat" in result.stderr
     assert "reached by both 1" in result.stdout
+
+
+def test_an_interrupted_sweep_has_its_rows_in_the_order_of_the_worlds(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object, told: Callable[[Done], None], **more: object) -> None:
+        for seed, name in ((10, "schedule=1"), (2, "schedule=2"), (2, "schedule=1")):
+            told(Done({"world": f"{name} {seed}", "variant": name, "seed": seed, "outcome": "done"}, 1.0))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("executive.commands.sweep.run", interrupted)
+    rows = json.loads(invoke("sweep", *LACKING, "--worlds", "10", "--json").stdout)["rows"]
+    assert [row["world"] for row in rows] == ["schedule=1 2", "schedule=2 2", "schedule=1 10"]
+
+
+def swept_rows(path: Path, reached: int) -> Path:
+    """Write a sweep of 20 worlds of which the first ones were reached."""
+    worlds = [{"world": seed} for seed in range(1, 21)]
+    rows = [{**world, "outcome": "done" if world["world"] <= reached else "failed"} for world in worlds]
+    write_sweep(path, header_of("job", {"call": path.name}, worlds, (1, 1)), rows)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "fails", "code"),
+    [
+        *((18, 8, fails, code) for fails, code in (("worse", 1), ("different", 1), (None, 0))),
+        *((8, 18, fails, code) for fails, code in (("worse", 0), ("different", 1))),
+        *((18, 16, fails, 0) for fails in ("worse", "different")),
+    ],
+)
+def test_a_comparison_fails_only_if_it_shows_what_it_is_asked_for(
+    tmp_path: Path, before: int, after: int, fails: str | None, code: int
+) -> None:
+    files = swept_rows(tmp_path / "before", before), swept_rows(tmp_path / "after", after)
+    assert invoke("sweep-table", *files, *(("--fail-if", fails) if fails else ())).exit_code == code
+
+
+def test_merged_shards_are_written_for_ci_and_as_a_page(tmp_path: Path) -> None:
+    whole = read_sweep(swept_rows(tmp_path / "whole", 18))
+    parts = [tmp_path / name for name in ("one", "two")]
+    for number, part in enumerate(parts):
+        write_sweep(part, {**whole.header, "shard": [number + 1, 2]}, whole.rows[number::2])
+    files = {name: tmp_path / f"merged.{name}" for name in ("junit", "report", "csv", "plot")}
+    files["plot"] = tmp_path / "merged.svg"
+    words = [word for name, file in files.items() for word in (f"--{name}", file)]
+    merged = invoke("sweep-merge", *parts, "--output", tmp_path / "merged", *words)
+    assert merged.exit_code == 1, "not all worlds were reached"
+    assert (tmp_path / "merged").read_bytes() == (tmp_path / "whole").read_bytes()
+    assert 'tests="20" failures="2"' in files["junit"].read_text()
+    assert all(file.stat().st_size for file in files.values())
 
 
 def test_a_comparison_needs_two_variants() -> None:

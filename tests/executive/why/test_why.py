@@ -216,6 +216,17 @@ def test_a_step_that_is_none_of_the_plan_is_refused(room: Path) -> None:
     assert "check_the_room/budget/check_the_room" in found.output
 
 
+def test_a_step_to_which_the_run_does_not_come_is_warned_of_in_the_run_and_in_its_explanation(room: Path) -> None:
+    failed_unless("False")
+    before = ("--before", "SettingAsideAnObject can1@check_the_room/budget/check_the_room/CheckingTheRom")
+    ran = invoke("run", *WORDS, *before, "--trace", "run.jsonl")
+    assert ran.exit_code == 1
+    warned = "X035 --before: the run did not come to the step check_the_room/budget/check_the_room/CheckingTheRom"
+    assert warned in ran.output
+    assert "such as check_the_room/budget/check_the_room/CheckingTheRoom" in ran.output
+    assert [one["code"] for one in why(*before, "--budget", "1")["diagnostics"]] == ["X035"]
+
+
 def test_the_file_of_changes_is_written_again_but_over_no_other_file(room: Path) -> None:
     failed_unless('"right" in belief.memory.given_up')
     assert [why("--apply", "change.json", "--budget", "2")["code"] for _ in range(2)] == [0, 0]
