@@ -14,6 +14,7 @@ from executive.runs.plan_run import run_plan_file
 from planlang.advice import Change
 from planlang.diagnostics import BadInput
 from planlang.files import Bundled
+from tests.support.table_room import ROOM
 
 HIGH = Change("translation", (-2.72, -0.8, 0.9), "bottle1")
 
@@ -72,19 +73,6 @@ def test_an_option_that_is_advised_counts_instead_of_the_one_that_is_given(tmp_p
         run_plan_file(RunSettings(recipe="serve_a_drink", start=(0.0, 0.0, 0.0), apply=tmp_path / "advice.json"))
 
 
-ROOM = """
-Prefix: : <http://example.org/room.owl#>
-Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
-Ontology: <http://example.org/room.owl>
-    Import: <http://knowrob.org/kb/knowrob.owl>
-
-Individual: table1
-    Types: knowrob:KitchenTable
-    Facts: knowrob:translation "2 0 0.37", knowrob:boundingBoxSize "0.6 1.2 0.74"
-Individual: can1
-    Types: knowrob:DrinkingCan
-    Facts: knowrob:translation "1.85 0 0.81", knowrob:boundingBoxSize "0.066 0.066 0.13"
-"""
 FETCH = """
 Prefix: : <http://example.org/fetch.owl#>
 Prefix: room: <http://example.org/room.owl#>

@@ -9,6 +9,7 @@ import html
 import json
 import re
 import shlex
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -19,29 +20,8 @@ import planlang
 from executive.runs.traces import recorded_run
 from executive.why.evidence import Evidence
 from planlang.advice import Change
+from tests.support.table_room import ROOM
 
-ROOM = """
-Prefix: : <http://example.org/room.owl#>
-Prefix: knowrob: <http://knowrob.org/kb/knowrob.owl#>
-Ontology: <http://example.org/room.owl>
-    Import: <http://knowrob.org/kb/knowrob.owl>
-
-Individual: table1
-    Types: knowrob:KitchenTable
-    Facts: knowrob:translation "2 0 0.37", knowrob:boundingBoxSize "0.6 1.2 0.74"
-Individual: can1
-    Types: knowrob:DrinkingCan
-    Facts: knowrob:translation "1.85 0 0.805", knowrob:boundingBoxSize "0.066 0.066 0.13"
-Individual: box1
-    Types: knowrob:Box-Container
-    Facts: knowrob:translation "1.85 0.3 0.79", knowrob:boundingBoxSize "0.1 0.1 0.1"
-Individual: cabinet1
-    Types: knowrob:Cabinet-PieceOfFurniture
-    Facts: knowrob:translation "0 3 0.5", knowrob:boundingBoxSize "0.5 0.6 1.0", knowrob:properPhysicalParts door1
-Individual: door1
-    Types: knowrob:Door
-    Facts: knowrob:translation "0.26 3 0.5", knowrob:boundingBoxSize "0.02 0.6 1.0", knowrob:hingedTo cabinet1
-"""
 PLAN = """
 from planlang import action, an_object, perform, plan
 
@@ -129,6 +109,27 @@ def test_an_open_door_is_found_whatever_the_number_of_processes(room: Path) -> N
     assert answers[0]["sentence"] == "the goal is reached if door1 is open by 90 degrees from the start"
     applied = invoke("run", *WORDS, "--apply", "run.apply.json")
     assert applied.exit_code == 0, applied.output
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("is_elsewhere", [False, True], ids=["dask", "tcp"])
+def test_reruns_on_a_cluster_find_the_same_and_print_the_same(room: Path, is_elsewhere: bool) -> None:
+    distributed = pytest.importorskip("distributed", reason="the extra [cluster] is not installed")
+    failed_unless('belief.pose("can1").position[1] <= -0.09')
+    here = why("--processes", "2")
+    with ExitStack() as stack:
+        engine = "dask"
+        if is_elsewhere:
+            kept = {"processes": False, "protocol": "tcp://", "dashboard_address": "127.0.0.1:0", "memory_limit": 0}
+            made = stack.enter_context(distributed.LocalCluster(n_workers=1, threads_per_worker=2, **kept))
+            engine = made.scheduler_address
+        found = why("--on", engine, "--processes", "2")
+        if is_elsewhere:
+            from executive.sweeps import cluster_worker
+
+            assert not cluster_worker._sweeps, "nothing is left on the worker"
+    assert found == here
+    assert found["found"]
 
 
 STANDING = """
