@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from executive.maps import SemanticMap
+from executive.runs.options import RunResult
 from executive.runs.parameters import Bound
 from executive.runs.true_world import TrueWorld
 from planlang.designators import Action, Object, action
@@ -111,6 +113,17 @@ def steps_not_reached(first: Sequence[ActionBefore], records: Iterable[Mapping[s
             advice = f"name a step that it came to, such as {alike}" if alike else "name a step that it came to"
             found.append(warning("X035", message, help=advice))
     return found
+
+
+def told_of_steps(
+    result: RunResult, first: Sequence[ActionBefore], announce: Callable[[Sequence[Diagnostic]], None]
+) -> RunResult:
+    """Announce steps to which a run did not come, unless it was interrupted, and return it with these warnings."""
+    found = [] if result.is_interrupted else steps_not_reached(first, result.trace)
+    if not found:
+        return result
+    announce(found)
+    return replace(result, diagnostics=(*result.diagnostics, *found))
 
 
 def allowance(source: PlanSource, bound: Mapping[str, Bound], first: Sequence[ActionBefore] = ()) -> float:

@@ -33,7 +33,7 @@ from executive.runs.parameters import (
     things_of,
     unknown_things,
 )
-from executive.runs.plan_body import ActionBefore, Subject, allowance, body_of, steps_not_reached
+from executive.runs.plan_body import ActionBefore, Subject, allowance, body_of, told_of_steps
 from executive.runs.plan_files import (
     Assessment,
     Requirements,
@@ -225,11 +225,7 @@ class Run:
         if isinstance(earlier, Past):
             self._restore(executive, earlier)
         result = self._execute(body, subject.bound, executive, truth, header, earlier, seconds)
-        late = [] if result.is_interrupted else steps_not_reached(first, result.trace)
-        if late:
-            options.announce(late)
-            result = replace(result, diagnostics=(*result.diagnostics, *late))
-        return result
+        return told_of_steps(result, first, options.announce)
 
     def _subject(self) -> Subject:
         """Read the map and bind the parameters. Raises BadInput for an invalid map or parameter."""
@@ -259,9 +255,8 @@ class Run:
         unperformed = partial(without_module, subject.map.ontology, performed)
         if robot is None:
             return assess(subject.needs, lambda actions: (), unperformed)
-        assessment = assess(
-            subject.needs, partial(missing_capabilities, subject.map.ontology, robot=robot), unperformed
-        )
+        missing = partial(missing_capabilities, subject.map.ontology, robot=robot)
+        assessment = assess(subject.needs, missing, unperformed)
         return assessment if self._requirements is None else assessment.also(self._requirements(robot))
 
     def _lacks(self, assessment: Assessment) -> bool:

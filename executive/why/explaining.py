@@ -41,6 +41,11 @@ from planlang.runs import RecordedRun
 from planlang.words import COMMAND_LINE, Blank, Call, Text, calling, said
 
 Told = Callable[[str], object]
+UNREPEATABLE = (
+    "the goal is reached without any change when the run is repeated: its process modules depend on more than its "
+    "inputs and its seed, so that no change can be made out"
+)
+"""What is said of a run that does not fail again."""
 
 
 def why(options: WhyOptions, *, told: Told = lambda line: None) -> Explanation:
@@ -106,7 +111,10 @@ def explained(
         found = (*(one for one in run.found if one.code == "X025"), *late)
     situation = _situation(subject, robot, files, evidence)
     files = _with_short_start(files)
+    failure = unmet or evidence.sentence
     with workers(Task(job=RUNS, reads=READS_RUN, say=told, **engine)) as used:
+        if files.options.modules and _is_reached_unchanged(Reruns(_options(files), used, base=files.changes, budget=1)):
+            return Explanation(failure, UNREPEATABLE, diagnostics=found)
         reruns = Reruns(
             _options(files),
             used,
@@ -115,7 +123,6 @@ def explained(
             told=lambda one, row, number: told(_line(one, row, number, situation)),
         )
         result = search(situation, reruns)
-    failure = unmet or evidence.sentence
     tried = kinds_of([one.candidate for one in result.tried])
     if result.found is None:
         nothing = "no change was found after which the goal is reached"
@@ -148,6 +155,11 @@ def _unmet(recorded: RecordedRun, options: RunOptions) -> str | None:
         return None
     result = run_plan_file(replace(options.unseen(), repeated=recorded))
     return None if result.reached else str(result.message)
+
+
+def _is_reached_unchanged(reruns: Reruns) -> bool:
+    """Check whether the run reaches its goal as it is: modules of users may depend on time, chance or other files."""
+    return reruns.of([Candidate((), "unchanged", 0.0)]) is not None
 
 
 def _situation(subject: Subject, robot: Robot, files: RunFiles, evidence: Evidence) -> Situation:

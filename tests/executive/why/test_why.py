@@ -246,6 +246,14 @@ def test_a_run_that_reached_its_goal_needs_no_change(room: Path) -> None:
     assert (answer["code"], answer["sentence"]) == (0, "this run reached its goal: nothing has to change")
 
 
+def test_a_run_that_does_not_fail_again_is_not_explained_by_a_change(room: Path) -> None:
+    failed_unless('__import__("pathlib").Path("there").exists()')
+    (room / "there").touch()
+    answer = why("--processes", "1")
+    assert (answer["code"], answer["found"], answer["reruns"]) == (1, False, 0)
+    assert answer["sentence"].startswith("the goal is reached without any change when the run is repeated")
+
+
 def test_a_map_that_is_not_that_of_the_trace_is_refused(room: Path) -> None:
     failed_unless("False")
     (room / "room.omn").write_text(ROOM.replace("1.85 0 0.805", "1.8 0 0.805"), encoding="utf-8")
