@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from executive.robots import Arm
 from planlang.geometry import Array, Pose
@@ -25,6 +26,7 @@ from tests.benchmarks.homes.tasks import Need
 from tests.support.locations.dense_sampler import PRESSED, Joints, way_from, way_of_two
 from tests.support.locations.oracle import Oracle
 from tests.support.locations.plates import fingers_ahead
+from tests.support.locations.sampler import UP
 from tests.support.locations.ways import Ways
 
 HANDS, BASES = 48, 600
@@ -300,23 +302,35 @@ class Search:
             bases = self._bases(np.array(pose.position), chain)
             back = np.linalg.inv(np.array([Pose.planar(*base).matrix() for base in bases]).reshape(-1, 4, 4))
             chosen = free[self.rng.integers(len(free), size=len(bases))]
-            q, good = chain.solve(back @ chosen[:, 1], self._anywhere(chain, len(bases)))
-            for row in np.flatnonzero(good):
+            q, rows = self._comes_and_lifts(chain, back[:, None] @ chosen, self._anywhere(chain, len(bases)))
+            away = np.linalg.norm(bases[rows, :2] - pose.position[:2], axis=1)
+            for row in rows[np.argsort(away, kind="stable")]:  # from near by both handles are in reach
                 if not self._drives_to(bases[row].tolist(), ways):
                     continue
                 # both arms may stand on one torso
                 shared = {name: value for name, value in zip(chain.names, q[row], strict=True) if name in second.names}
                 held, others = chain.held(shared), second.held(shared)
                 poses = other[self.rng.integers(len(other), size=SECOND)]
-                p, fine = others.solve(back[row] @ poses[:, 1], self._anywhere(others, len(poses)))
+                p, fine = self._comes_and_lifts(others, back[row] @ poses, self._anywhere(others, len(poses)))
                 x, y, yaw = bases[row].tolist()
-                for one in np.flatnonzero(fine):
+                for one in fine:
                     if time.process_time() > until:
                         return False
                     hands = [(two[0], held, chosen[row], q[row]), (two[1], others, poses[one], p[one])]
                     if way_of_two(self.oracle, ways, (x, y, yaw), hands, body.name):
                         return True
         return False
+
+    @staticmethod
+    def _comes_and_lifts(chain: Joints, hands: Hands, q: Array) -> tuple[Array, NDArray[np.int64]]:
+        """Return joints (n, d) at the second of each hand's poses, and in which rows the arm comes there and lifts."""
+        raised = hands[:, 1].copy()
+        raised[:, 2, 3] += UP
+        q, good = chain.solve(hands[:, 1], q)
+        rows = np.flatnonzero(good)
+        for target in (hands[:, 0], raised):
+            rows = rows[chain.solve(target[rows], q[rows])[1]]
+        return q, rows
 
     def _drives_to(self, base: Sequence[float], ways: Ways) -> bool:
         """Return True if the base, in the posture in which it drives, stands free at a place and gets there."""

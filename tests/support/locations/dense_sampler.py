@@ -105,12 +105,13 @@ class Joints:
     def solve(self, targets: Array, q: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Return joint values (n, d) for targets (n, 4, 4), from others, and which of them reach these."""
         q, reached, left = q.copy(), np.zeros(len(q), bool), np.arange(len(q))
+        moving = self.lower < self.upper  # what is held takes no part of a step
         for _ in range(STEPS):
             pose, jacobian = self.forward(q[left])
             error = _error(pose, targets[left])
             done = (np.linalg.norm(error[:, :3], axis=1) < NEAR) & (np.linalg.norm(error[:, 3:], axis=1) < TURNED)
             reached[left[done]] = True
-            left, jacobian, error = left[~done], jacobian[~done], error[~done]
+            left, jacobian, error = left[~done], jacobian[~done] * moving, error[~done]
             if not len(left):
                 break
             square = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING**2 * np.eye(6)
