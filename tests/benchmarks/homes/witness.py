@@ -46,7 +46,7 @@ SPOTS = 0.02
 TURNS = np.arange(6) * math.pi / 6
 TIGHT = 0.003
 """Extents of a thing are taken to be shorter by this when room is looked for [m]."""
-SECONDS = 6.0
+SECONDS = 15.0
 """CPU time for the certificate of one need [s]."""
 
 
