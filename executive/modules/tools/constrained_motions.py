@@ -203,8 +203,13 @@ class ConstrainedWork(HandWork):
         return not self.platform.robot.base.fixed
 
     async def _look(self, grounding: Grounding) -> None:
-        """Look at world objects not seen since the base moved, and note first poses. Raises BehindClosedDoor."""
+        """Look at world objects not seen since the base moved, and note first poses. Raises BehindClosedDoor.
+
+        A vessel that is being poured from is turned back at once: more would flow while the camera turns.
+        """
         belief, phase = self.platform.belief, grounding.phase
+        if self._is_pouring(phase):
+            return
         for name in grounding.world_things():
             if name in phase.things or name in belief.held:
                 continue

@@ -14,6 +14,7 @@ from executive.motion.constrained_motion import PhaseMotion
 from executive.motion.errors import NoConstrainedPath
 from planlang.designators import Action
 from planlang.failures import AmountNotPoured
+from planlang.protocols import Detection
 from sim import PyBulletWorld
 from sim.truth import held_by
 from tests.support.scenarios import Judged, Scenario, Watched, judged
@@ -176,6 +177,28 @@ def test_a_vessel_is_turned_back_as_it_was_turned_over_where_no_other_way_is_fou
     monkeypatch.setattr(constrained_motions, "solve_motion", one_way)
     found = poured(tmp_path, 100.0, WATER, right)
     assert found.reached, (found.result.message, found.unmet)
+
+
+@pytest.mark.long
+def test_the_camera_looks_for_nothing_while_a_vessel_is_turned_over(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks: list[bool] = []
+
+    def hidden(world: PyBulletWorld, camera_link: str) -> tuple[Detection, ...]:
+        looks.append(held_by(world, "bottle1") == "robot" and world.pose("bottle1").rotation[2, 2] < 0)
+        return tuple(one for one in detect(world, camera_link) if one.name != "bowl1")
+
+    def right(watched: Watched) -> Iterator[str]:
+        if abs((amount := watched.world.matter.total("bowl1")) - 100.0) > 5.0:
+            yield f"bowl1 holds {amount:.0f} ml"
+
+    detect = PyBulletWorld.detect
+    monkeypatch.setattr(PyBulletWorld, "detect", hidden)
+    found = poured(tmp_path, 100.0, WATER, right)
+    assert found.reached, (found.result.message, found.unmet)
+    assert looks
+    assert not any(looks)
 
 
 @pytest.mark.long
