@@ -13,6 +13,7 @@ from executive.belief.floor import CELL, Floor
 from executive.belief.memory import BasePose as BasePose
 from executive.belief.scene_part import Kept, ScenePart
 from executive.motion import Boxes, Grid
+from executive.motion.base_path import ESCAPE
 from executive.motion.bodies import Solids
 from executive.motion.clearance import Mask
 from executive.motion.floods import EVERY, LACKING, SPARE, Drivable, Poses, drivable, poses_for
@@ -125,7 +126,10 @@ class SceneFloor(ScenePart):
         return good
 
     def reached(self) -> Drivable:
-        """Compute where the base can surely drive as it drives; it turns only where :data:`SPARE` clearance is left."""
+        """Compute where the base can surely drive as it drives; it turns only where :data:`SPARE` clearance is left.
+
+        Where it stands it has less at times, with a thing in the hand, say. It got in there, so it is taken to get out.
+        """
         return self._flooded(self._reached, self.travelled(), -SPARE)
 
     def _go_straight(self, ends: Array) -> Mask:
@@ -183,12 +187,22 @@ class SceneFloor(ScenePart):
         return cache.of((floor, current.base), compute)
 
     def _flood(self, floor: Floor, slack: float) -> Drivable:
-        """Compute the base poses reachable from the current one: with clearance, it turns only where that is left."""
+        """Compute the base poses reachable from the current one: with clearance, it turns only where that is left.
+
+        Where it stands without any, LACKING may miss within :data:`ESCAPE`, over which base paths leave such places.
+        """
         x_min, y_min, x_max, y_max = floor.bounds
         grid = Grid.over((x_min, y_min), (x_max, y_max))
         lacking, free, spare = self.free(floor, grid)
         start = self._world.configuration().base
-        return drivable(start, grid, lacking) if slack > 0.0 else drivable(start, grid, free, spare)
+        if slack > 0.0:
+            return drivable(start, grid, lacking)
+        found = drivable(start, grid, free, spare)
+        if found.poses.any():
+            return found
+        centres = grid.centres()
+        near = np.hypot(centres[..., 0] - start[0], centres[..., 1] - start[1]) <= ESCAPE
+        return drivable(start, grid, np.where(near, lacking, free), np.where(near, lacking, spare))
 
     def closes_way(self, place: Array, within: float, fixed: Collection[str] = ()) -> tuple[str, ...]:
         """Find bodies without which, one at a time, the base could reach more floor ``within`` [m] of a position (2,).

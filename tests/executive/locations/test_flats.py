@@ -38,6 +38,19 @@ def test_search_and_base_agree_that_a_doorway_is_too_narrow(seed: int, robot: st
             platform.drive.path(drawn.goal)
 
 
+def test_a_base_has_a_way_out_of_where_it_stands_with_less_room_than_it_drives_with() -> None:
+    rooms = room_of("room0", (-3.0, -2.0), (0.0, 2.0)), room_of("room1", (0.1, -2.0), (3.0, 2.0))
+    narrow, there = doorway("doorway1", 0.05, 0.0, 0.7), (2.0, 0.5, 0.0)
+    drawn = Flat("two rooms", (*rooms, narrow), (0.7,), (0.05, 0.0, 0.0), there)
+    with ExitStack() as stack:
+        platform = in_flat(stack, replace(drawn, start=(-1.5, 0.0, 0.0)), "amigo")
+        assert not platform.scene.collisions.has_way(there)
+    with ExitStack() as stack:
+        platform = in_flat(stack, drawn, "amigo")
+        assert platform.scene.collisions.has_way(there)
+        assert platform.drive.path(there).positions[-1][:2] == pytest.approx(there[:2])
+
+
 def test_of_many_poses_those_have_a_way_that_have_one_each() -> None:
     drawn = flat(1, (0.8, 0.8))
     with ExitStack() as stack:
