@@ -41,9 +41,10 @@ class Foresight:
     def first(self, decision: str, candidates: Iterable[T], leaves_a_way: Callable[[T], bool]) -> Iterator[T]:
         """Yield candidates in their order, but those that leave no way for later steps last.
 
-        ``leaves_a_way`` asks :meth:`gets_away` and :meth:`reaches` about at most :data:`MOST_QUESTIONS` candidates; the
-        others come as they are. A failure that ends the candidates is raised after those that were put off. What a
-        choice cost is in the trace before it is yielded, as an event ``looked ahead``.
+        ``leaves_a_way`` asks :meth:`gets_away`, :meth:`reaches` and :meth:`finds` about at most
+        :data:`MOST_QUESTIONS` candidates; the others come as they are. A failure that ends the candidates is raised
+        after those that were put off. What a choice cost is in the trace before it is yielded, as an event
+        ``looked ahead``.
         """
         put_off, ended, before, asked = list[T](), list[LocationUnresolvable](), replace(self._spent), 0
 
@@ -86,18 +87,26 @@ class Foresight:
 
     def reaches(self, location: Location, state: WorldState) -> bool:
         """Check quickly whether the base finds a place for a location in a state."""
-        if self._spent.searches >= MOST_SEARCHES:
-            return True
-        then = self._scene.supposing(state)
 
-        def search() -> bool:
-            self._spent.searches += 1
+        def search(then: PlanningScene) -> bool:
             try:
                 return self._resolver.is_possible(location, then)
             except DesignatorFailure:  # the step that goes there reports it
                 return True
 
-        return self._learnt.of((location, then.surroundings()), search)
+        return self.finds(location, state, search)
+
+    def finds(self, what: object, state: WorldState, search: Callable[[PlanningScene], bool]) -> bool:
+        """Check whether a search for something finds it in the scene of a state; the same is searched for once."""
+        if self._spent.searches >= MOST_SEARCHES:
+            return True
+        then = self._scene.supposing(state)
+
+        def counted() -> bool:
+            self._spent.searches += 1
+            return search(then)
+
+        return self._learnt.of((what, then.surroundings()), counted)
 
 
 def _until_failure(candidates: Iterable[T], ended: list[LocationUnresolvable]) -> Iterator[T]:

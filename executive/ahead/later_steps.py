@@ -1,16 +1,19 @@
-"""What later steps do: reach through a door or drawer, or take another thing while the first is in a hand."""
+"""What later steps do: reach through a door or drawer, close it, or take another thing while the first is in a hand."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.demands import goals_of, use_at
+from planlang.action_classes import levels_above
 from planlang.designators import Action, Location, Object, a_location
 from planlang.language.performing import actions_around
 from planlang.language.remaining import remaining_actions
 from planlang.relations.demands import ReachKind
 from sim.joints import Articulation, JointKind
+
+CLOSING = "ClosingAContainerArtifact"
 
 
 def reached_through(joint: Articulation, scene: PlanningScene) -> Location | None:
@@ -37,6 +40,20 @@ def reached_through(joint: Articulation, scene: PlanningScene) -> Location | Non
         elif supposed.bodies.is_graspable(name) and supposed.bodies.closed_before(name) in leaves:
             return a_location(in_reach_of=what)
     return None
+
+
+def closed_later(joint: Articulation, scene: PlanningScene, ancestors: Callable[[str], Sequence[str]]) -> bool:
+    """Check whether a step that remains closes a leaf, or all leaves of its furniture.
+
+    ``ancestors`` maps an action class to itself and its superclasses.
+    """
+    bodies = scene.supposing(scene.belief.state).bodies  # so that nothing is bound for good
+    for each in remaining_actions():
+        what = each.get("object_acted_on")
+        is_closing = isinstance(what, Object) and any(CLOSING in one for one in levels_above(each.type, ancestors))
+        if is_closing and isinstance(what, Object) and bodies.known(what) in (joint.leaf, joint.holder):
+            return True
+    return False
 
 
 def beside(joint: Articulation, scene: PlanningScene) -> tuple[Articulation, ...]:

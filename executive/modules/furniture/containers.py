@@ -6,15 +6,17 @@ one base pose is not enough, the motion is continued from another.
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
-from itertools import product
+from itertools import islice, product
 
 import numpy as np
 
-from executive.ahead.later_steps import beside, reached_through
+from executive.ahead.later_steps import beside, closed_later, reached_through
+from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
+from executive.locations.changes import CLOSE
 from executive.locations.headroom import way_out
 from executive.locations.rejections import NO_WAY
 from executive.locations.shut_ways import behind_doors, open_wide
@@ -66,6 +68,8 @@ FELT_BY = 0.15
 """Share of its range by which a hand at the handle should be able to move a leaf that it only feels."""
 AT_ITS_END = 0.9
 """Share of its range above which opening a drawer farther is not worth another drive."""
+MOST_SHORTER = 4
+"""Most ends of a path, every other one, for which to ask whether the leaf could be closed from there."""
 NO_FURTHER = 0.02
 """Share of its range by which a leaf must move so that it does not count as stuck."""
 
@@ -95,6 +99,8 @@ class LeafWork(HandWork):
         """Doors beside it that have to be opened as far as they go for that, too."""
         self._in_doubt = False
         """Whether no way in was found, however far they are open."""
+        self._is_closed_later = False
+        """Whether a later step closes the leaf."""
 
     async def open(self) -> None:
         """Open the leaf; a door between rooms so far that the base drives past it, if it can be opened so far.
@@ -103,6 +109,7 @@ class LeafWork(HandWork):
         """
         joint = self._joint
         self._later = reached_through(joint, self.platform.scene)
+        self._is_closed_later = closed_later(joint, self.platform.scene, self.platform.ancestors)
         wide = open_wide(self.platform.scene, joint) if joint.frame else joint.first_open
         try:
             await self._move(joint.upper, wide, lambda value: value >= wide)
@@ -173,7 +180,8 @@ class LeafWork(HandWork):
             self._paths = LeafPaths(self.platform.scene, joint, self._home, only_there=self._share is not None)
             found = self._paths.towards(goal, arms, sufficient)
             found = found if self._share is None else self._share.within(found)
-            for path in self.platform.ahead.first(f"how to move {joint.leaf}", found, self._leaves_a_way):
+            options = self._with_shorter(found) if self._is_closed_later else found
+            for path in self.platform.ahead.first(f"how to move {joint.leaf}", options, self._leaves_a_way):
                 yield path
                 if path is None:
                     await checkpoint()
@@ -209,13 +217,38 @@ class LeafWork(HandWork):
         )
 
     def _leaves_a_way(self, path: LeafPath | None) -> bool:
-        """Check whether the base gets away once a path has moved the leaf, and the next step reaches through it."""
+        """Check whether the base gets away once a path has moved the leaf, and what later steps do with it has a way.
+
+        That is to reach through it, and to close it: where the hand lets go of it, a wall may be too near for the arm.
+        """
         if path is None:
             return True
         state = at_rest(self.platform.scene, self._moved(path.values[-1]), path.base)
         # a drawer that is out covers nothing; a door that is wide open may still be in the way
         is_out = self._joint.kind is JointKind.PRISMATIC and path.values[-1] > AT_ITS_END * self._joint.upper
-        return self.platform.ahead.gets_away(state) and (is_out or self._is_wide_enough(state))
+        leads_on = self.platform.ahead.gets_away(state) and (is_out or self._is_wide_enough(state))
+        return leads_on and self._can_be_closed(float(path.values[-1]))
+
+    def _can_be_closed(self, value: float) -> bool:
+        """Check whether a hand could begin to close the leaf at a value, if a later step closes it."""
+        joint = self._joint
+
+        def search(then: PlanningScene) -> bool:
+            return self._paths.moves_on(then, 0.0, joint.last_shut)
+
+        return not self._is_closed_later or self.platform.ahead.finds(
+            f"{CLOSE} {joint.leaf}", self._moved(value), search
+        )
+
+    def _with_shorter(self, paths: Iterable[LeafPath | None]) -> Iterator[LeafPath | None]:
+        """Yield paths, each that ends where no hand could close the leaf also cut to where one could."""
+        least = max(self._joint.first_open, self._value() + NO_FURTHER * self._joint.upper)
+        for path in paths:
+            yield path
+            if path is not None and not self._can_be_closed(float(path.values[-1])):
+                ends = np.flatnonzero(path.ends & (path.values > least))[-3::-2][:MOST_SHORTER]
+                counts = (number + 1 for number in ends.tolist() if self._can_be_closed(float(path.values[number])))
+                yield from map(path.until, islice(counts, 1))
 
     def _moved(self, value: float) -> WorldState:
         return self.platform.scene.belief.with_leaf(self._joint.leaf, float(value))

@@ -54,6 +54,18 @@ class LeafPath:
     """Values of the leaf's joint (n,)."""
     joints: Array
     """Joint positions of the arm at each value (n, d)."""
+    ends: NDArray[np.bool_]
+    """Values at which the hand can let go of the handle, the last one, too (n,)."""
+
+    def until(self, count: int) -> LeafPath:
+        """Cut it to its first ``count`` values."""
+        poses, values, joints, ends = (
+            self.poses[: 1 + count],
+            self.values[:count],
+            self.joints[:count],
+            self.ends[:count],
+        )
+        return replace(self, poses=poses, values=values, joints=joints, ends=ends)
 
 
 def _lifted(scene: PlanningScene, arm: ArmModel) -> Chain:
@@ -191,14 +203,15 @@ class HandPaths:
             self._rejected.add("no hold for the fingers")
             return None
         count = 1 + self._free_steps(base, joints[1:], closed)
-        free = np.flatnonzero(self._roomy[:count] & self._leaves(grip, lag, count))
+        lets_go = self._roomy[:count] & self._leaves(grip, lag, count)
+        free = np.flatnonzero(lets_go)
         if not free.any():  # from none, or only from where the leaf is now
             self._rejected.add("no way for the fingers to leave the handle")
             return None
         count = 1 + int(free[-1])
         return LeafPath(
-            arm, handle, base, fingers, joints[0], poses[: 1 + count], self._values[:count], joints[1 : 1 + count]
-        )
+            arm, handle, base, fingers, joints[0], poses, self._values[: len(lets_go)], joints[1:], lets_go
+        ).until(count)
 
     def _leaves(self, grip: int, lag: int, count: int) -> NDArray[np.bool_]:
         """Mark the first ``count`` values of the joint at which the open hand can retreat from the leaf (count,).

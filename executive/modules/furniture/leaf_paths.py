@@ -138,6 +138,11 @@ class LeafPaths:
         paths = LeafPaths(scene, self._joint).towards(value, self._tried, sufficient)
         return any(path is not None and len(path.values) >= self._enough for path in islice(paths, MOST_SUPPOSED))
 
+    def moves_on(self, scene: PlanningScene, value: float, sufficient: float) -> bool:
+        """Check whether one of the first paths in a scene that is supposed moves the leaf towards a value."""
+        paths = LeafPaths(scene, self._joint).towards(value, self._tried, sufficient)
+        return any(path is not None for path in islice(paths, MOST_SUPPOSED))
+
     # Why there is none
 
     def failure(self, *, advised: bool = True) -> LocationUnresolvable:

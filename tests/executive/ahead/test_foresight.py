@@ -10,8 +10,9 @@ import pytest
 
 from executive.ahead import foresight
 from executive.ahead.foresight import MOST_QUESTIONS, Foresight
-from executive.ahead.later_steps import reached_through
+from executive.ahead.later_steps import closed_later, reached_through
 from executive.maps import MapObject
+from executive.modules.furniture.leaf_paths import LeafPaths
 from planlang import SimulationHost, perform, run
 from planlang.designators import Action, a_location, action
 from planlang.failures import LocationUnresolvable
@@ -164,3 +165,29 @@ def test_a_door_is_opened_as_far_as_it_goes_where_no_way_in_was_found(stack: Exi
     opening = action("OpeningAContainerArtifact", object_acted_on=stage.designator("right"))
     inside(stage, lambda: perform(opening), fetching)
     assert stage.truth.joint("right") == pytest.approx(1.57, abs=0.1)
+
+
+def test_a_later_step_closes_a_leaf_by_its_name_or_by_that_of_its_furniture(
+    stack: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage = room(stack, cupboard(CAN))
+    joint, ancestors = stage.platform.belief.joints["right"], stage.platform.ancestors
+
+    def closes(cls: str, name: str) -> bool:
+        steps = [action("Lifting"), action(cls, object_acted_on=stage.designator(name))]
+        monkeypatch.setattr("executive.ahead.later_steps.remaining_actions", lambda: iter(steps))
+        return closed_later(joint, stage.platform.scene, ancestors)
+
+    asked = [("ClosingAContainerArtifact", name) for name in ("right", "case", "left")]
+    assert [closes(*one) for one in (*asked, ("OpeningAContainerArtifact", "right"))] == [True, True, False, False]
+
+
+def test_a_door_that_a_later_step_closes_is_opened_no_farther_than_a_hand_could_close_it(
+    stack: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage = room(stack, cupboard(CAN))
+    closing = action("ClosingAContainerArtifact", object_acted_on=stage.designator("right"))
+    monkeypatch.setattr("executive.ahead.later_steps.remaining_actions", lambda: iter([closing]))
+    monkeypatch.setattr(LeafPaths, "moves_on", lambda paths, then, *to: then.belief.joint("right") < 1.35)
+    stage.do("OpeningAContainerArtifact", "right")
+    assert 1.0 < stage.truth.joint("right") < 1.35
