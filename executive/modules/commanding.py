@@ -1,4 +1,4 @@
-"""Commands to the true world for base, fingers and camera; what they change is observed, and believed."""
+"""Commands to the true world for base, arms and camera; what they change is observed, and believed."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from copy import copy
 from dataclasses import field, replace
-from functools import partial
 from typing import NoReturn, Self, TypeVar
 
 import numpy as np
@@ -25,11 +24,9 @@ from executive.modules.out_of_arms import out_of_arms
 from executive.motion import time_path
 from executive.robots import Robot
 from executive.robots.arms import ArmModel, RobotHandle
-from executive.robots.openings import Fingers
 from planlang.designators import Object
 from planlang.failures import (
     GraspSlipped,
-    GripperGoalNotReached,
     LookingFailure,
     LookingGoalUnreachable,
     ObjectLost,
@@ -37,16 +34,12 @@ from planlang.failures import (
 from planlang.geometry import Array, Pose, matrices
 from planlang.geometry.areas import Block
 from planlang.geometry.matrices import rotated
-from planlang.kernel import Fluent, checkpoint, now, sleep, wait_for
+from planlang.kernel import Fluent, checkpoint, wait_for
 from planlang.language.resources import using
 from planlang.protocols import Group, GroupKind, Motion, MotionState, RobotInterface, Touch, Trajectory
 from planlang.records import dataclass
-from sim.falling import falling_time
 
 T = TypeVar("T")
-
-SAME = 0.01
-"""Tolerance of openings, as a share of the hand's full opening."""
 
 SAME_GAZE = 0.05
 """Difference of joints of the neck from where it is to look, up to which it stays as it is [rad]."""
@@ -210,98 +203,6 @@ class Control:
             jerk=[limit.jerk for limit in limits],
             rate=self.world.rate,
         )
-
-
-class Hands:
-    """Moves fingers and records in the belief what they hold."""
-
-    def __init__(self, control: Control) -> None:
-        self._control = control
-        self._at_rest: dict[str, float] = {}
-        """Released object -> plan time at which it is expected to have come to rest [s]."""
-
-    async def move(self, arm: ArmModel, *, closed: bool, fingers: Fingers = ()) -> Motion:
-        """Close the fingers fully, or open them fully or to ``fingers``. Opening releases a handle."""
-        control, gripper, link = self._control, arm.gripper, arm.tip
-        assert gripper is not None
-        if not closed:
-            control.world.loosen(link)
-            for leaf in [leaf for leaf, leader in control.belief.led.items() if leader == link]:
-                control.belief.let_go(leaf)
-        goal = gripper.closed if closed else dict(fingers) or gripper.opened
-        path = np.stack([control.joints(gripper.joints), [goal[name] for name in gripper.joints]])
-        return await control.follow(Group(GroupKind.FINGERS, arm.name), control.timed(gripper.joints, path))
-
-    async def close(self, arm: ArmModel) -> Motion:
-        """Close the fingers fully, or until they feel an object that stops them.
-
-        Raises GripperGoalNotReached if they stop for another reason: without touch, nothing is held.
-        """
-        motion = await self.move(arm, closed=True)
-        current = dict(zip(arm.openings.joints, self._control.joints(arm.openings.joints), strict=True))
-        if motion.touch is None and current and arm.openings.share(current) > SAME:
-            raise GripperGoalNotReached(arm=arm.name, blocked_by=motion.blocked_by)
-        return motion
-
-    async def shape(self, arm: ArmModel, fingers: Fingers) -> None:
-        """Move the fingers of an empty hand to the opening for which a hand pose was validated, if one is given."""
-        if not fingers or self._control.scene.arms.held(arm.name) is not None:
-            return
-        current = dict(zip(arm.openings.joints, self._control.joints(arm.openings.joints), strict=True))
-        if abs(arm.openings.share(current) - arm.openings.share(dict(fingers))) > SAME:
-            await self.move(arm, closed=False, fingers=fingers)
-
-    def lead(self, arm: ArmModel, leaf: str) -> None:
-        """Couple a door or drawer to the hand that has closed on its handle: from now on they move together."""
-        control, link = self._control, arm.tip
-        control.world.grip(link)
-        control.belief.leads(leaf, link)
-        control.observe()
-
-    def is_on(self, arm: ArmModel, name: str) -> bool:
-        """Check whether the closed fingers feel something where a body is believed to be."""
-        point = self._control.between_fingers(arm.name)
-        return point is not None and self._control.scene.bodies.block(name).away(point) <= MEANT
-
-    def between_fingers(self, arm: ArmModel) -> str | None:
-        """Find the believed body that explains what the closed fingers feel; None if there is none."""
-        point = self._control.between_fingers(arm.name)
-        return None if point is None else self._control.scene.bodies.graspable_at(point)
-
-    def grasp(self, arm: ArmModel, name: str) -> None:
-        """Close the grip on the object between the fingers.
-
-        The object believed to be ``name`` moves with the hand from now on.
-        """
-        control, link = self._control, arm.tip
-        control.world.grip(link)
-        offset = control.world.link_pose(link).inverse() @ control.belief.pose(name)
-        control.belief.grasped(name, arm.name, link, offset)
-        control.flowing.catch_up()
-        if riders := control.scene.world.riders(name):
-            control.belief.loaded(name, riders)
-
-    def let_go(self, name: str, *, to: str | None = None) -> None:
-        """Release a held body: it falls onto what is below, or stays where it is, in the hand of a person ``to``."""
-        control = self._control
-        rest = control.below(name)
-        taken = control.scene.world.pose(name)
-        self._at_rest[name] = now() + falling_time(taken.position[2] - rest.position[2])
-        for hand in control.belief.held[name].hands:
-            control.world.loosen(hand.link)
-        control.belief.released(name, rest if to is None else taken, to=to)
-
-    async def settled(self, name: str) -> None:
-        """Wait until a released body has had the time to come to rest."""
-        await sleep(max(0.0, self._at_rest.pop(name) - now()))
-
-    async def offer(self, arm: ArmModel, name: str, patience: float) -> bool:
-        """Wait until the wrist feels a person pull at a held body; False if nobody does within ``patience`` [s].
-
-        Raises ObjectLost if the body leaves the hand otherwise.
-        """
-        pulled = partial(self._control.world.pulled, arm.tip)
-        return bool(await self._control.wait_holding([arm.name], pulled, f"{name} taken", patience))
 
 
 class Sensing:

@@ -89,15 +89,12 @@ class Grasping(PlatformModule):
 
     async def _open(self, arm: ArmModel) -> str | None:
         hands, held = self.platform.hands, self.platform.scene.arms.held(arm.name)
-        fingers = self.platform.arms.opening(arm)
         if held is not None:
             self.platform.check_hold([arm.name])
             mates = self.platform.scene.arms.mates(arm.name)
-            hands.let_go(held.name)
-            for mate in mates:
-                await hands.move(mate, closed=False, fingers=self.platform.arms.opening(mate))
-        motion = await hands.move(arm, closed=False, fingers=fingers)
-        if held is None:
+            await hands.release((*mates, arm), held.name, self.platform.arms.opening)
+        else:
+            motion = await hands.move(arm, closed=False, fingers=self.platform.arms.opening(arm))
             if motion.state is not MotionState.DONE:
                 raise GripperGoalNotReached(arm=arm.name, blocked_by=motion.blocked_by)
             return None
@@ -146,9 +143,7 @@ class Handover(PlatformModule):
             message = f"{person or 'an unknown person'} takes {held.name} instead of {stated}"
             raise HandoverNotTaken(message, what=held.name, recipient=stated)
         mates = platform.scene.arms.mates(arm.name)
-        platform.hands.let_go(held.name, to=person)
-        for one in (arm, *mates):
-            await platform.hands.move(one, closed=False)
+        await platform.hands.release((arm, *mates), held.name, lambda _: (), to=person)
         if not mates:
             await self._draw_back(arm, held.name)
         return person

@@ -25,9 +25,10 @@ from executive.locations.standing import Standing
 from executive.modules.arm_choices import ArmChoices
 from executive.modules.arm_paths import ArmPaths
 from executive.modules.carrying import is_near, upright_postures
-from executive.modules.commanding import Control, Hands, Sensing
+from executive.modules.commanding import Control, Sensing
 from executive.modules.drive import Drive
 from executive.modules.flowing import Flowing
+from executive.modules.hands import Hands
 from executive.modules.phases import Phases
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel

@@ -238,7 +238,7 @@ def _make(name: str, inside: Mapping[str, Any]) -> Any:
     return value
 
 
-_ATTACHED = ("where", "siblings", "cleanup_failures")
+_ATTACHED = ("where", "siblings", "cleanup_failures", "afterwards")
 
 
 def _dump_failure(failure: BaseException, depth: int) -> Any:

@@ -79,6 +79,33 @@ class SlippingHandles(Decorated):
         return at is not None or self._robot.feels(link)
 
 
+class ClosedFingers(Decorated):
+    """The first ``times`` openings fail: the fingers stay where they are, and hold what they hold."""
+
+    def __init__(self, robot: RobotInterface, times: int = 1) -> None:
+        super().__init__(robot)
+        self._left, self._is_stuck = times, False
+
+    def loosen(self, link: str) -> None:
+        """Release what a hand holds, if its fingers will open."""
+        if self._left <= 0:
+            self._robot.loosen(link)
+
+    def start(self, group: str, trajectory: Trajectory, *, pushes: str | None = None) -> None:
+        """Start a motion, unless it is one of fingers that fails."""
+        self._is_stuck = Group.of(group).kind is GroupKind.FINGERS and self._left > 0
+        if self._is_stuck:
+            self._left -= 1
+        else:
+            self._robot.start(group, trajectory, pushes=pushes)
+
+    def motion(self, group: str) -> Motion:
+        """Return the state of the group's last motion."""
+        if Group.of(group).kind is GroupKind.FINGERS and self._is_stuck:
+            return Motion(MotionState.FAILED, reason="motor off")
+        return self._robot.motion(group)
+
+
 class Refusing(Decorated):
     """Nobody takes what the robot offers."""
 

@@ -381,10 +381,7 @@ class TwoHands(HandWork):
         platform, paths = self.platform, self._holding(name)
         arms = paths.pair.arms
         platform.check_hold([arm.name for arm in arms])
-        openings = [platform.arms.opening(arm) for arm in arms]
-        platform.hands.let_go(name)
-        for arm, fingers in zip(arms, openings, strict=True):
-            await platform.hands.move(arm, closed=False, fingers=fingers)
+        await platform.hands.release(arms, name, platform.arms.opening)
         await platform.hands.settled(name)
         await self._go(paths, paths.away(name), name)
         await self.tuck()

@@ -10,7 +10,7 @@ import pytest
 
 from planlang import perform
 from planlang.designators import Location, a_location, a_person, action
-from planlang.failures import ActionUnresolvable, HandoverNotTaken
+from planlang.failures import ActionUnresolvable, GripperGoalNotReached, HandoverNotTaken
 from planlang.geometry import Pose
 from sim.truth import held_by
 from tests.executive.conftest import (
@@ -24,6 +24,7 @@ from tests.executive.conftest import (
     hold_bottle,
     stand,
 )
+from tests.support.failing_robots import ClosedFingers
 
 OFFERED = a_location(in_reach_of=a_person("Patient"))
 HAND_OVER = action("HandingOverAnObject", object_acted_on=THE_BOTTLE, recipient=a_person("Patient"))
@@ -112,6 +113,17 @@ def test_a_robot_knows_by_where_it_offers_something_who_takes_it(make_stage: Mak
             lambda: perform(action("HandingOverAnObject", object_acted_on=THE_BOTTLE, recipient=a_person("Visitor")))
         )
     assert held_by(stage.truth, "bottle") == "robot"
+
+
+def test_a_hand_that_does_not_open_still_holds_what_it_offers_and_hands_it_over_when_it_does(ward: Stage) -> None:
+    offer(ward, "right")
+    ward.platform.world = ClosedFingers(ward.platform.world)  # type: ignore[assignment]
+    with pytest.raises(GripperGoalNotReached):
+        hand_over(ward)
+    assert ward.executive.held() == ("bottle",)
+    assert held_by(ward.truth, "bottle") == "robot"
+    assert hand_over(ward) == "patient"
+    assert ward.executive.held() == ()
 
 
 def test_an_empty_hand_hands_nothing_over(ward: Stage) -> None:

@@ -1,7 +1,7 @@
 """Serve a drink.
 
 Compiled by planlang 0.1.0 from serve_a_drink.omn (sha256 7b3a485023f303a1), task ServeADrink.
-What follows has sha256 627a6d59319cd886b5694b181fb32c1c8b49132695ebb28126fd21574ab32dda unless it was edited.
+What follows has sha256 913d1dfd75ba34592fc8d539bf193a9ee71de4d5fe66bbab4aa514993d4eac6d unless it was edited.
 """
 
 from functools import partial
@@ -54,7 +54,7 @@ async def grasp_bottle(*, bottle: Object = BOTTLE) -> None:
     )
     await perform(
         action(RECIPE + "OpenGripper", below="OpeningAGripper", device_used=GRIPPER),
-        recoveries=[Recovery(GripperGoalNotReached, retries=3, within=30)],
+        recoveries=[Recovery(GripperGoalNotReached, retries=3, within=60)],
     )
     grasp_pose = a_location("graspPose", in_center_of=bottle, using=GRIPPER)  # where the hand closes
     await perform(
@@ -123,7 +123,10 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
         # let go of the bottle when the patient has taken it
         await perform(
             action(HAND_OVER_BOTTLE, object_acted_on=bottle, recipient=patient, device_used=GRIPPER),
-            recoveries=[Recovery(HandoverNotTaken, retries=1, within=60)],
+            recoveries=[
+                Recovery(GripperGoalNotReached, retries=3, within=60),
+                Recovery(HandoverNotTaken, retries=1, within=60),
+            ],
         )
 
     await with_failure_handling(
