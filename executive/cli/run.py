@@ -39,4 +39,6 @@ def _answer(result: RunResult, diagnostics: tuple[Diagnostic, ...]) -> Answer:
     }[result.outcome]
     if result.claimed and not result.reached:
         code = ExitCode.FAILED
+    if result.as_expected is not None:
+        code = ExitCode.DONE if result.as_expected else ExitCode.FAILED
     return Answer(code, diagnostics, str(result), result.as_json())

@@ -60,6 +60,16 @@ def grasp(given: Any) -> str:
     return found
 
 
+def faults(given: Any) -> list[str]:
+    """Check texts of faults, of which each may have several; return one text for each fault. Raises WrongOption."""
+    from planlang.faults.named import WrongFault, read_faults  # few runs have any
+
+    try:
+        return [str(one) for one in read_faults([given] if isinstance(given, str) else map(str, given))]
+    except WrongFault as problem:
+        raise WrongOption(Option("fault"), f": {problem}") from None
+
+
 Recipe = Annotated[
     Source, argument(metavar="RECIPE", help="A recipe file, or the name of a bundled recipe.", parse=source)
 ]
@@ -263,6 +273,34 @@ class SituationSettings(TaskOptions):
             in_header=InHeader("no_recoveries"),
         ),
     ] = False
+    fault: Annotated[
+        list[str] | None,
+        option(
+            metavar="FAULT",
+            help="Let something go wrong in the simulated world, such as gripper:misses@1 or camera:blind@3s-8s; "
+            "spaces separate several. Repeatable.",
+            parse=faults,
+            is_repeatable=True,
+            in_header=InHeader("faults"),
+        ),
+    ] = None
+    faults: Annotated[
+        Path | None,
+        option(
+            metavar="FILE",
+            help="Let the faults of this file happen, in TOML: faults, rate, and how the run is expected to end.",
+        ),
+    ] = None
+    fault_rate: Annotated[
+        float | None,
+        option(
+            least=0,
+            most=1,
+            metavar="P",
+            help="Let something go wrong by chance with this probability at each opportunity, by the seed.",
+            in_header=InHeader("fault_rate"),
+        ),
+    ] = None
     ignore_unread: IgnoreUnread = False
     modules: Modules = None
     trust: Trust = False

@@ -19,7 +19,7 @@ from executive.runs.failure import Failure
 from executive.runs.traces import read_trace
 from planlang.advice import Change
 from planlang.designators import local_name
-from planlang.diagnostics import BadInput, Diagnostic, error
+from planlang.diagnostics import BadInput, Diagnostic, error, has_errors
 from planlang.notebooks import framed
 from planlang.object_changes import state_word
 from planlang.outputs import PNG, check_outputs
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from executive.goals.deciding import Verdict
     from executive.runs.assembly import RobotExecutive
     from executive.runs.explanation import Explanation
+    from executive.runs.fault_report import FaultReport
 
 
 class Outcome(Enum):
@@ -252,6 +253,15 @@ class RunResult:
     """Whether each goal of the run holds in the true world; empty if none was stated or declared."""
     ended: EndedRun | None = field(default=None, repr=False, compare=False)
     """Shows the run; None if it did not begin."""
+    faults: FaultReport | None = None
+    """What has become of the faults of the run; None if none were stated."""
+
+    @property
+    def as_expected(self) -> bool | None:
+        """True if the run ended as a file of faults expects, with all faults of the file; None without such a file."""
+        if self.faults is None or not self.faults.is_strict:
+            return None
+        return not self.is_interrupted and not has_errors(self.diagnostics)
 
     @property
     def claimed(self) -> bool:
@@ -318,6 +328,7 @@ class RunResult:
             "final_state": list(self.final_state),
             "largest_tilts": self.tilts.degrees(),
             "duration": self.duration,
+            **({} if self.faults is None else {"faults": self.faults.as_json()}),
         }
 
     def report(self, path: str | PathLike[str], *, force: bool = False) -> Path:
@@ -352,7 +363,9 @@ class RunResult:
 
     def __str__(self) -> str:
         goals = (str(one) for one in self.goals if not (one.declared and one.holds))  # a recipe says that again
-        return joined("\n", (line for line in (self.message, *goals, *self.final_state, *self.tilts.lines()) if line))
+        faults = () if self.faults is None else self.faults.lines()
+        told = (self.message, *goals, *self.final_state, *self.tilts.lines(), *faults)
+        return joined("\n", (line for line in told if line))
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
         """Page of the run, for notebooks; text only if it cannot be repeated."""

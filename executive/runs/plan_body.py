@@ -23,7 +23,7 @@ from planlang.language.source import PlanSource
 from planlang.language.tidying import tidied
 from planlang.ontology import shorten
 from planlang.records import dataclass
-from planlang.runs import RunTree
+from planlang.runs import RecordedRun, RunTree
 from planlang.runs.codec import load as load_exact
 from planlang.spelling import similar
 from planlang.words import Option, Text
@@ -130,6 +130,11 @@ def allowance(source: PlanSource, bound: Mapping[str, Bound], first: Sequence[Ac
     """Plan time after which the run is aborted [s]; stated waiting times extend it."""
     stated = sum(value for value in bound.values() if isinstance(value, float))
     return BUDGET + PER_STEP * (len(source.actions) + len(first)) + source.waiting + stated
+
+
+def most_steps(seconds: float, rate: int, repeated: RecordedRun | None) -> int:
+    """Maximum number of world steps for an allowance of plan time [s]; a repeated run ends with its trace."""
+    return int(2 * seconds * rate) if repeated is None else repeated.last + 1
 
 
 def body_of(

@@ -33,7 +33,7 @@ from executive.runs.parameters import (
     things_of,
     unknown_things,
 )
-from executive.runs.plan_body import ActionBefore, Subject, allowance, body_of, told_of_steps
+from executive.runs.plan_body import ActionBefore, Subject, allowance, body_of, most_steps, told_of_steps
 from executive.runs.plan_files import (
     Assessment,
     Requirements,
@@ -55,6 +55,7 @@ from executive.runs.remedies import (
     refused,
     trust_advised,
 )
+from executive.runs.simulating import simulated_world
 from executive.runs.traces import check_same_run, different, earlier_of, recorded_parameters, sha256, versions
 from executive.runs.true_world import TrueWorld, take_in_hands, worlds_at_start
 from executive.runs.written import WatchedWorld, Written, bodies_of, still_held
@@ -279,12 +280,11 @@ class Run:
         """Make the platform of the robot, with its belief, and the true world, which closes with the run."""
         options, seed = self.options, self.files.seed
         believed, real = worlds_at_start(subject.scene, subject.there, robot, options.start, seed, held, self._stack)
-        truth = PyBulletWorld(real, robot.body(), gui=options.gui, seed=seed)
-        self._stack.callback(truth.close)
+        world = self._world = self._stack.enter_context(simulated_world(self.files, real, robot))
         platform = platform_of(
             robot,
             subject.map,
-            options.interface(truth),
+            options.interface(world.interface),
             believed,
             seed,
             options.long_work,
@@ -295,7 +295,8 @@ class Run:
             grasp=options.grasp,
         )
         platform.upload = options.upload
-        return platform, truth
+        world.told_by(platform.belief)
+        return platform, world.truth
 
     def _header(
         self,
@@ -395,7 +396,7 @@ class Run:
                 seed=self.files.seed,
                 schedule=options.schedule,
                 trace=trace,
-                max_steps=self._most_steps(seconds, truth.rate),
+                max_steps=most_steps(seconds, truth.rate, options.repeated),
                 resumable=True,
                 resume=earlier if isinstance(earlier, Past) else None,
             )
@@ -427,6 +428,8 @@ class Run:
             written.save(outcome.value, message, failed, ended)
         platform = executive.platform
         held = still_held(platform) if outcome is not Outcome.DONE else {}
+        options.announce(unfulfilled := self._world.ended(outcome.value, () if failure is None else failure.types))
+        self.found += unfulfilled
         state = tuple(state_lines(truth, bodies_of(bound, platform.belief, truth), held))
         return RunResult(
             outcome,
@@ -439,6 +442,7 @@ class Run:
             self.files.seed,
             self._verdicts,
             EndedRun(options, trace.events, run_plan_file),
+            self._world.report(),
         )
 
     def _written(
@@ -458,12 +462,6 @@ class Run:
         context = partial(self._context, header, reporting.context_of)
         written.ask(self.plan.name, bound, header, self.found, context)
         return written
-
-    def _most_steps(self, seconds: float, rate: int) -> int:
-        """Maximum number of world steps; a repeated run ends with its trace."""
-        if self.options.repeated is not None:
-            return self.options.repeated.last + 1
-        return int(2 * seconds * rate)
 
     def _page_context(
         self,

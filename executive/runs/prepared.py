@@ -31,7 +31,7 @@ from executive.runs.files import (
 from executive.runs.options import RunOptions
 from executive.runs.traces import TraceHeader, header_to_repeat, read_trace
 from planlang.advice import BEFORE, Change
-from planlang.diagnostics import BadInput, Diagnostic, WrongOption, error
+from planlang.diagnostics import BadInput, Diagnostic, Span, WrongOption, error
 from planlang.extras import no_recorder
 from planlang.files import Bundled
 from planlang.language.source import PlanSource
@@ -81,6 +81,8 @@ class RunFiles:
     notes: tuple[Diagnostic, ...] = ()
     changes: tuple[Change, ...] = ()
     """What is changed in the map."""
+    expected: str | None = None
+    """How the run is expected to end, by a file of faults: done, or with a failure of this class."""
 
     @property
     def plan(self) -> Path | None:
@@ -99,6 +101,7 @@ def prepared(options: RunOptions) -> RunFiles:
     changes = header.changes if options.apply is None else read_changes(options.apply)
     changes = options.changes or changes
     options = _with_options(options, changes)
+    options, expected = _with_faults(options)
     file = read(options.recipe if options.recipe is not None else header.plan(_trace_of(options)))
     is_bundled = isinstance(file, RecipeFile) and file.is_bundled
     problems: list[Diagnostic] = []
@@ -149,7 +152,22 @@ def prepared(options: RunOptions) -> RunFiles:
         recorded=recorded,
         notes=tuple(notes),
         changes=tuple(one for one in changes if one.thing is not None),
+        expected=expected,
     )
+
+
+def _with_faults(options: RunOptions) -> tuple[RunOptions, str | None]:
+    """Add the faults of a file to those of the options, and return how the run is expected to end. Raises BadInput."""
+    if options.faults is None:
+        return options, None
+    from planlang.faults.named import WrongFault  # few runs have faults
+    from planlang.faults.stated import StatedFaults
+
+    try:
+        stated = StatedFaults.of_file(options.faults).also(options.fault or (), options.fault_rate or 0.0)
+    except WrongFault as problem:
+        raise BadInput([error("X041", str(problem), Span(str(options.faults)))]) from None
+    return replace(options, fault=list(map(str, stated.named)), fault_rate=stated.rate), stated.expect
 
 
 def _with_options(options: RunOptions, changes: Iterable[Change]) -> RunOptions:

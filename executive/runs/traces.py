@@ -93,6 +93,8 @@ def line_of(record: Mapping[str, Any], changes: Changes | None = None) -> str | 
             return f"{name} stays open: {reason}"
         case {"event": "stays away", "because": reason}:
             return f"the robot does not get back to where the plan had brought it: {reason}"
+        case {"event": "fault", "fault": fault}:
+            return f"  fault: {fault}"
         case {"event": "belief", "change": _, "name": _}:
             text = (changes or Changes()).text(record)
             return None if text is None else f"  belief: {text}"

@@ -94,6 +94,7 @@ _OF: Mapping[str, Mapping[str, Check]] = {
     "recovery": {"decision": TEXT},
     "belief": {"change": TEXT},
     "means": {"what": TEXT, "name": TEXT, "within": TEXT},
+    "fault": {"fault": TEXT, "opportunity": _COUNT},
     "resumed": {"again": TEXTS},
 }
 """Event -> what its entries have to be, if they are there."""

@@ -87,6 +87,7 @@ INPUTS = {
     "run --world": "run serve_a_drink --world {}",
     "run --models": "run serve_a_drink --models {}",
     "run --apply": "run serve_a_drink --apply {}",
+    "run --faults": "run serve_a_drink --faults {}",
     "run --set": "run serve_a_drink --set @{}",
     "run --resume": "run --resume {}",
     "sweep recipe": "sweep {} --worlds 1",

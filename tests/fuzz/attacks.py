@@ -58,6 +58,7 @@ run drink.omn --modules stirring.py --trust --robot amigo --environment room.omn
 run drink.omn --resume {trace} --trace out.jsonl --robot amigo --environment room.omn
 run drink.omn --robot amigo --environment {map}
 run drink.omn --robot amigo --environment room.omn --world {map}
+run drink.omn --robot amigo --environment room.omn --faults faults.toml
 show {plan}
 check {plan}
 check {map}

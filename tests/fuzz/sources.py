@@ -267,6 +267,7 @@ def make(folder: Path, planlang: Callable[[str], None]) -> None:
     (folder / "world.toml").write_text(LABELS)
     (folder / "stirring.py").write_text(MODULE)
     (folder / "bindings.txt").write_text("bottle=bottle1\n# nothing\n")
+    (folder / "faults.toml").write_text('faults = "gripper:misses@1"\nrate = 0.1\nexpect = "done"\n')
     (folder / "author.key").write_text("abcdefghijklmnop\n")
     _mesh(folder)
     _sensed(folder)

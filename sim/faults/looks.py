@@ -1,0 +1,63 @@
+"""Faults of a camera: it sees nothing, overlooks the things of a class, or recognises one where it is not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+from planlang.faults.drawing import Drawn
+from planlang.faults.kinds import Kind, Opportunity
+from planlang.geometry import Pose
+from planlang.protocols import Detection
+from sim.faults.injection import Injection
+
+_BESIDE = (0.15, 0.4)
+"""Distance of what is recognised by mistake from the thing that looks like it [m]."""
+
+
+class Looks:
+    """What goes wrong with looks."""
+
+    def __init__(self, injection: Injection) -> None:
+        self._injection = injection
+
+    def seen(self, camera: str, found: Sequence[Detection]) -> tuple[Detection, ...]:
+        """Return what a camera recognises of what it should recognise."""
+        fault = self._injection.begins(Opportunity.LOOK, (camera,), partial(self._can, found=found))
+        if fault is None:
+            return tuple(found)
+        self._injection.happens(fault)
+        if fault.kind.name == "blind":
+            return ()
+        things = self._things(found, fault.value)
+        which = things[int(fault.share("which") * len(things))]
+        if fault.kind.name == "overlooks":
+            cls = fault.value or self._class_of(which)
+            return tuple(one for one in found if not self._is_a(one, cls))
+        return (*found, _beside(which, fault))
+
+    def _can(self, kind: Kind, of: str | None, value: str | None, found: Sequence[Detection]) -> bool:
+        return bool(found) and (kind.name == "blind" or bool(self._things(found, value)))
+
+    def _things(self, found: Sequence[Detection], value: str | None) -> list[Detection]:
+        """List the detections of things that hands take, or of those of a class or a name."""
+        scene = self._injection.truth.scene
+        if value is not None:
+            return [one for one in found if one.name == value or self._is_a(one, value)]
+        return [one for one in found if scene.body(one.name).graspable]
+
+    def _class_of(self, one: Detection) -> str:
+        body = self._injection.truth.scene.body(one.name)
+        return body.kinds[0] if body.kinds else body.type
+
+    def _is_a(self, one: Detection, cls: str) -> bool:
+        body = self._injection.truth.scene.body(one.name)
+        return cls in body.kinds or cls == body.type
+
+
+def _beside(one: Detection, fault: Drawn) -> Detection:
+    far, angle = _BESIDE[0] + fault.share("distance") * (_BESIDE[1] - _BESIDE[0]), 2 * math.pi * fault.share("angle")
+    x, y, z = one.pose.position
+    return replace(one, pose=Pose((x + far * math.cos(angle), y + far * math.sin(angle), z), one.pose.orientation))

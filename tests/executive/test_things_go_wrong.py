@@ -1,0 +1,79 @@
+"""What a run states goes wrong in its world: the robot finds out by its senses, and the run is repeated exactly."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import planlang
+from planlang.diagnostics import BadInput
+from tests.support.cli_runs import answer, invoke
+
+
+def happened(run: planlang.RunResult) -> list[str]:
+    assert run.faults is not None
+    return [one["kind"] for one in run.faults.fired]
+
+
+@pytest.mark.parametrize(
+    "fault",
+    ["gripper:misses", "gripper:stays_closed", "arm:stalls@2", "base:blocked", "camera:blind", "person:refuses"],
+)
+def test_a_drink_is_served_though_something_goes_wrong(fault: str) -> None:
+    run = planlang.simulate("serve_a_drink", fault=fault)
+    assert (happened(run), run.message) == ([fault.partition("@")[0]], "done")
+    assert "bottle1: held by patient1" in run.final_state
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("fault", ["door:stuck", "door:stops", "door:falls_shut"])
+def test_a_bottle_is_fetched_from_a_cupboard_though_its_door_goes_wrong(fault: str) -> None:
+    run = planlang.simulate("fetch_from_cabinet", fault=fault)
+    assert (happened(run), run.message) == ([fault], "done")
+
+
+def test_a_door_that_never_moves_ends_in_a_failure_that_says_so() -> None:
+    run = planlang.simulate("fetch_from_cabinet", fault="door:jams")
+    assert "ContainerStuck" in run.failures
+
+
+def test_a_fault_is_recorded_replayed_and_resumed_byte_for_byte(tmp_path: Path) -> None:
+    trace = tmp_path / "run.jsonl"
+    stated = ("--fault", "arm:stalls@2 gripper:misses", "--fault-rate", "0.05", "--seed", "3")
+    found = answer("run", "serve_a_drink", *stated, "--trace", trace)
+    lines = trace.read_text().splitlines(keepends=True)
+    records = list(map(json.loads, lines))
+    assert records[0]["faults"] == ["arm:stalls@2", "gripper:misses@1"]
+    assert records[0]["fault_rate"] == 0.05
+    recorded = [one["fault"] for one in records if one["event"] == "fault"]
+    assert recorded == [one["fault"] for one in found["faults"]["fired"]]
+    assert "equal to the end" in invoke("replay", trace).stdout
+    cut = tmp_path / "cut.jsonl"
+    cut.write_text("".join(lines[: len(lines) // 2]))
+    assert answer("run", "--resume", cut)["faults"] == found["faults"]
+    resumed = [line for line in cut.read_text().splitlines(keepends=True) if '"event": "resumed"' not in line]
+    assert resumed == lines
+
+
+def test_a_stated_fault_that_did_not_happen_is_a_warning_and_an_error_of_a_file(tmp_path: Path) -> None:
+    run = planlang.simulate("serve_a_drink", fault="gripper:misses@9")
+    assert [one.severity.value for one in run.diagnostics if one.code == "X040"] == ["warning"]
+    file = tmp_path / "faults.toml"
+    file.write_text('faults = "gripper:misses@9"\nexpect = "ObjectLost"\n')
+    ended = invoke("run", "serve_a_drink", "--faults", file)
+    assert "error X040 the fault gripper:misses@9 did not happen" in ended.stderr
+    assert "error X042 the run was expected to end with ObjectLost, and ended with done" in ended.stderr
+    assert ended.exit_code == 1
+
+
+def test_an_expected_failure_is_a_success_of_its_file(tmp_path: Path) -> None:
+    file = tmp_path / "faults.toml"
+    file.write_text('faults = "person:is_gone"\nexpect = "ObjectNotFound"\n')
+    assert invoke("run", "serve_a_drink", "--faults", file).exit_code == 0
+
+
+def test_a_fault_of_what_is_not_there_is_refused() -> None:
+    with pytest.raises(BadInput, match="did you mean patient1"):
+        planlang.simulate("serve_a_drink", fault="person.patient2:refuses")
