@@ -346,3 +346,13 @@ def shard(given: Any) -> tuple[int, int]:
             Option("shard", given), " is not K/N with K from 1 to N; write for example ", Option("shard", "3/16")
         )
     return part, parts
+
+
+def faults(given: Any) -> list[str]:
+    """Check texts of faults, of which each may have several; return one text for each fault. Raises WrongOption."""
+    from planlang.faults.named import WrongFault, read_faults  # few runs have any
+
+    try:
+        return [str(one) for one in read_faults([given] if isinstance(given, str) else map(str, given))]
+    except WrongFault as problem:
+        raise WrongOption(Option("fault"), f": {problem}") from None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
@@ -14,7 +13,7 @@ from executive.options.declaring import (
     Name,
     argument,
     bindings,
-    declared,
+    faults,
     goals,
     name,
     names,
@@ -58,16 +57,6 @@ def grasp(given: Any) -> str:
         raise WrongOption(Option("grasp", given), f": write {' or '.join(GRASPS)}")
     found: str = given
     return found
-
-
-def faults(given: Any) -> list[str]:
-    """Check texts of faults, of which each may have several; return one text for each fault. Raises WrongOption."""
-    from planlang.faults.named import WrongFault, read_faults  # few runs have any
-
-    try:
-        return [str(one) for one in read_faults([given] if isinstance(given, str) else map(str, given))]
-    except WrongFault as problem:
-        raise WrongOption(Option("fault"), f": {problem}") from None
 
 
 Recipe = Annotated[
@@ -500,35 +489,3 @@ class LocateOptions(OntologyOptions):
     units: Units = None
     ignore_unread: IgnoreUnread = False
     force: Force = False
-
-
-def in_header() -> Mapping[str, InHeader]:
-    """Options that the header of a trace states, by name."""
-    stated = {name: one.declared.in_header for name, one in declared(RunSettings).items()}
-    return {name: one for name, one in stated.items() if one is not None}
-
-
-def header_entries(settings: RunSettings, **instead: Any) -> dict[str, Any]:
-    """Make the entries of a header: options that are set, with the values of ``instead`` for some of them.
-
-    A value of ``instead`` may be empty, and is stated then: a robot may have no recognition model.
-    """
-    values = {name: instead.get(name, getattr(settings, name) or None) for name in in_header()}
-    return {
-        one.key: list(value) if isinstance(value, tuple) else value
-        for name, one in in_header().items()
-        if (value := values[name]) is not None
-    }
-
-
-def settings_from_header(header: Mapping[str, Any]) -> dict[str, Any]:
-    """Options that a resumed run takes from the header of its trace, without those that it cannot have."""
-    known, found = declared(RunSettings), dict[str, Any]()
-    for option_name, one in in_header().items():
-        option, value = known[option_name], header.get(one.key)
-        _, is_list = option.kind
-        if not one.taken or value is None or (is_list and not isinstance(value, list)):
-            continue
-        with suppress(ValueError, BadInput):
-            found[option_name] = option.value(value)
-    return found

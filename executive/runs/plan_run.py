@@ -16,7 +16,8 @@ from executive.maps.in_hand import in_hands
 from executive.maps.recognition_models import GivenPart, read_given_parts, with_given_parts
 from executive.modules.bundled import bundled_registry
 from executive.modules.platform import Platform
-from executive.options.running import RunSettings, header_entries, settings_from_header
+from executive.options.headers import header_entries, settings_from_header
+from executive.options.running import RunSettings
 from executive.robots import Missing, Robot, bind_robot, missing_capabilities, trusting_map
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from executive.options.declaring import stated
-from executive.options.running import SituationSettings, in_header, settings_from_header
+from executive.options.headers import in_header, settings_from_header
+from executive.options.running import SituationSettings
 from executive.runs.parameters import Bound
 from planlang.advice import Change
 from planlang.designators import Location, Object, local_name

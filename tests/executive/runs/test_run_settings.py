@@ -10,7 +10,8 @@ import pytest
 
 from executive.cli.arguments import RunArguments
 from executive.options.declaring import as_json, declared, made, stated
-from executive.options.running import RunSettings, header_entries, in_header, settings_from_header
+from executive.options.headers import header_entries, in_header, settings_from_header
+from executive.options.running import RunSettings
 from executive.runs.options import RunOptions
 
 SET = RunSettings(trust_map=True, unknown=["cup1", "all"], models=[Path("models")], modules=[Path("mine.py")])
