@@ -28,6 +28,13 @@ class At:
 
 
 @dataclass(frozen=True, slots=True)
+class RestsAt:
+    """A thing is at rest on another or in it, as recipes say of what is put somewhere."""
+
+    where: Object
+
+
+@dataclass(frozen=True, slots=True)
 class InState:
     """A door, drawer or lid is open or closed, a device on or off, a vessel empty; or a thing has a state (IRI)."""
 
@@ -55,7 +62,7 @@ class Exists:
     negated: bool = False
 
 
-Fact = HeldBy | At | InState | Holds | Exists
+Fact = HeldBy | At | RestsAt | InState | Holds | Exists
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
 import numpy as np
 
-from executive.goals.reading import leaves_of, name_of
+from executive.goals.checking import leaves_of, name_of
 from executive.goals.true_bodies import TrueBodies
 from executive.maps import SemanticMap
 from planlang.designators import Location, Object, Relation, local_name
 from planlang.geometry import Pose
 from planlang.geometry.areas import Facing
-from planlang.goals import CLOSED, EMPTY, OFF, ON, OPEN, At, Exists, Fact, Goal, HeldBy, Holds, InState
+from planlang.goals import CLOSED, EMPTY, OFF, ON, OPEN, At, Exists, Fact, Goal, HeldBy, Holds, InState, RestsAt
 from planlang.object_changes import state_word
 from planlang.records import dataclass
 from planlang.relations import RELATIONS
@@ -73,19 +74,27 @@ class Judge:
     """Decides goals in the true world of a run; make it before the plan runs."""
 
     def __init__(
-        self, goals: Iterable[Goal | Predicate], truth: Truth, semantic_map: SemanticMap, radius: float = 0.0
+        self,
+        goals: Iterable[Goal | Predicate],
+        truth: Truth,
+        semantic_map: SemanticMap,
+        radius: float = 0.0,
+        declared: Iterable[Goal] = (),
     ) -> None:
-        """``semantic_map`` says what bodies are; ``radius`` is that of the robot's base [m]."""
-        self.goals = tuple(goals)
-        self._declared: frozenset[Goal] = frozenset()
+        """``semantic_map`` says what bodies are; ``radius`` is that of the robot's base [m].
+
+        ``declared`` are further goals, of the recipe.
+        """
+        self._stated, self._declared = tuple(goals), tuple(declared)
         self._world = _World(truth, semantic_map, radius)
 
     def verdicts(self) -> tuple[Verdict, ...]:
         """Let the world come to rest, and decide the goals."""
-        if not self.goals:
+        if not (self._stated or self._declared):
             return ()
         come_to_rest(self._world.truth)
-        return tuple(self._verdict(goal) for goal in self.goals)
+        declared = (replace(self._verdict(goal), declared=True) for goal in self._declared)
+        return (*map(self._verdict, self._stated), *declared)
 
     def _verdict(self, goal: Goal | Predicate) -> Verdict:
         if isinstance(goal, Predicate):
@@ -195,6 +204,11 @@ class _Decision:
                 return None if (by in wanted) != negated else f"{name} {whereabouts(self._truth, name)}"
             case At(location):
                 return self._at(name, location)
+            case RestsAt(where):
+                reasons = [self._rests(name, one, inside=True) for one in self._bodies_of(where)]
+                reasons += [self._rests(name, one, inside=False) for one in self._bodies_of(where)]
+                worst = next((one for one in reasons if one), "")
+                return None if None in reasons else f"{name} {whereabouts(self._truth, name)}{worst}"
             case InState(state, negated):
                 is_so, why = self._in_state(name, state)
                 return None if is_so != negated else f"{name} {why}"

@@ -3,25 +3,64 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
 
-from executive.goals import Predicate, Verdict, read_goals
+from executive.goals import Predicate, Verdict, decidable
 from executive.options.running import SituationSettings
-from executive.runs.phrases import lexicon_of
+from executive.runs.parameters import plan_parameters
 from executive.runs.plan_body import Subject
+from planlang.designators import Object
 from planlang.goals import Goal
+from planlang.language.plans import Plan
+from planlang.ontology import Ontology
+from planlang.recipe.goals import declared_goals
 from planlang.words import Option, Text
 
+if TYPE_CHECKING:
+    from planlang.compiler.compile import CompiledPlan
 
-def stated_goals(options: SituationSettings, subject: Subject) -> tuple[Goal | Predicate, ...]:
+
+def goals_of(
+    options: SituationSettings,
+    subject: Subject,
+    compiled: CompiledPlan | None,
+    ontologies: Sequence[Ontology],
+    plan: Plan[Any, Any],
+) -> tuple[tuple[Goal | Predicate, ...], tuple[Goal, ...]]:
+    """Find the goals that options state, and those that the recipe of a compiled plan declares. Raises BadInput."""
+    return _stated(options, subject), _declared(subject, compiled, ontologies, plan)
+
+
+def _stated(options: SituationSettings, subject: Subject) -> tuple[Goal | Predicate, ...]:
     """Read the goals that options state, with the names of what is there in truth. Raises BadInput."""
     given = options.goal or ()
     phrases = [one for one in given if isinstance(one, str)]
     if not given:
         return ()
+    from executive.goals.reading import read_goals  # the parser of phrases, which most runs do without
+    from executive.runs.phrases import lexicon_of
+
     there, scene = subject.in_truth
     lexicon = lexicon_of(there, (one.type for body in scene.bodies for one in body.content))
     read = iter(read_goals(phrases, lexicon, there, scene, Text(Option("goal"))))
     return tuple(next(read) if isinstance(one, str) else Predicate(one) for one in given)
+
+
+def _declared(
+    subject: Subject, compiled: CompiledPlan | None, ontologies: Sequence[Ontology], plan: Plan[Any, Any]
+) -> tuple[Goal, ...]:
+    """List the goals that the recipe of a compiled plan declares, of the things that its parameters are bound to."""
+    if compiled is None:
+        return ()
+    there, scene = subject.in_truth
+    stated = {one.default.iri: name for name, one in plan_parameters(plan).items() if one.default is not None}
+
+    def meant(what: Object) -> Object | None:
+        value = subject.bound.get(stated[what.iri], what) if what.iri in stated else what
+        return value if isinstance(value, Object) and value.iri is not None and there.find(value.iri) else None
+
+    found = (one for ontology in ontologies for one in declared_goals(ontology, compiled.recipes, meant))
+    return tuple(goal for goal in found if decidable(goal, there, scene))
 
 
 def phrases_of(options: SituationSettings) -> list[str] | None:

@@ -23,7 +23,7 @@ from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of
 from executive.runs.failure import Failure, line_of_user
 from executive.runs.files import RecipeFile
-from executive.runs.judging import contradicted, in_a_line, phrases_of, stated_goals
+from executive.runs.judging import contradicted, goals_of, in_a_line, phrases_of
 from executive.runs.options import EndedRun, Outcome, RunOptions, RunResult, Tilts, state_lines
 from executive.runs.parameters import (
     Bound,
@@ -185,7 +185,7 @@ class Run:
         # R062: parameters are bound now; R021: registered process modules perform what the vocabulary has no module for
         settled = ("R062",) if program.missing else ("R021", "R062")
         found[:] = [one for one in found if one.code not in settled]
-        goals = stated_goals(options, subject)
+        stated, declared = goals_of(options, subject, self._compiled, self._recipe, self.plan)
         if self._lacks(program):
             options.announce(found)
             return refused(program.missing, found, self.files.seed, by_hand=self._is_by_hand)
@@ -212,7 +212,7 @@ class Run:
             return refused(assessment.missing, found, self.files.seed, by_hand=self._is_by_hand)
         options.around(executive)
         take_in_hands(platform, truth, held, subject.there, self._stack)
-        self._judge = Judge(goals, truth, subject.in_truth[0], robot.base.radius)
+        self._judge = Judge(stated, truth, subject.in_truth[0], robot.base.radius, declared)
         platform.scene.collisions.prepare()
         first = ActionBefore.read(options.before or (), subject.map, self.plan.name)
         seconds = allowance(self.source, subject.bound, first)

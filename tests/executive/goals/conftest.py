@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from executive.goals import Judge, Verdict, read_goals
+from executive.goals import Judge, Verdict
+from executive.goals.reading import read_goals
 from executive.maps import SemanticMap, read_map, scene_of
 from executive.robots import Robot
 from executive.runs.phrases import lexicon_of
