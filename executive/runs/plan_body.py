@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from executive.maps import SemanticMap
 from executive.runs.options import RunResult
@@ -31,6 +31,12 @@ from sim import Scene
 
 BUDGET, PER_STEP = 600.0, 60.0
 """Plan time, beside waiting, after which a run is aborted: a constant, and more for each step of the plan [s]."""
+ATTEMPTS, MORE = 100, 2
+"""Further attempts after which a run is aborted: a constant, and more for each step of the plan.
+
+Each retry of a recovery, and each further base pose of a location, is one. Most begin with a search for places, of half
+a second on average; numbers, unlike time, repeat exactly.
+"""
 
 
 STEPS = ("perform", "at_location")
@@ -126,10 +132,20 @@ def told_of_steps(
     return replace(result, diagnostics=(*result.diagnostics, *found))
 
 
-def allowance(source: PlanSource, bound: Mapping[str, Bound], first: Sequence[ActionBefore] = ()) -> float:
-    """Plan time after which the run is aborted [s]; stated waiting times extend it."""
-    stated = sum(value for value in bound.values() if isinstance(value, float))
-    return BUDGET + PER_STEP * (len(source.actions) + len(first)) + source.waiting + stated
+class Allowance(NamedTuple):
+    """What a run may use before it is aborted."""
+
+    seconds: float
+    """Plan time [s]."""
+    attempts: int
+    """Retries of recoveries and further base poses."""
+
+    @staticmethod
+    def of(source: PlanSource, bound: Mapping[str, Bound], first: Sequence[ActionBefore] = ()) -> Allowance:
+        """Compute it from the steps of a plan and the actions that come first; stated waiting times extend it."""
+        stated = sum(value for value in bound.values() if isinstance(value, float))
+        steps = len(source.actions) + len(first)
+        return Allowance(BUDGET + PER_STEP * steps + source.waiting + stated, ATTEMPTS + MORE * steps)
 
 
 def most_steps(seconds: float, rate: int, repeated: RecordedRun | None) -> int:
@@ -140,15 +156,15 @@ def most_steps(seconds: float, rate: int, repeated: RecordedRun | None) -> int:
 def body_of(
     plan: Plan[Any, Any],
     bound: Mapping[str, Bound],
-    seconds: float,
+    allowance: Allowance,
     first: Sequence[ActionBefore] = (),
     *,
     bare: bool = False,
     attempts: int = 0,
 ) -> Callable[[], Awaitable[Any]]:
-    """Make what a host runs: the actions that come ``first``, and the plan, within ``seconds`` of plan time.
+    """Make what a host runs: the actions that come ``first``, and the plan, within an ``allowance``.
 
-    If ``bare``, without its recoveries; else each of these may try ``attempts`` times more.
+    If ``bare``, without its recoveries; else each of these may try ``attempts`` times more, which extends it as often.
     """
 
     before_plan = [one.action for one in first if not one.step]
@@ -167,7 +183,8 @@ def body_of(
 
     async def body() -> Any:
         with without_recoveries() if bare else trying_more(attempts), preceded(before_steps):
-            return await tidied(partial(budget, whole, seconds=seconds))
+            most = allowance.attempts * (1 + attempts)
+            return await tidied(partial(budget, whole, seconds=allowance.seconds, attempts=most))
 
     body.__name__ = plan.name
     vars(body)["iri"] = plan.iri

@@ -34,7 +34,7 @@ from executive.runs.parameters import (
     things_of,
     unknown_things,
 )
-from executive.runs.plan_body import ActionBefore, Subject, allowance, body_of, most_steps, told_of_steps
+from executive.runs.plan_body import ActionBefore, Allowance, Subject, body_of, most_steps, told_of_steps
 from executive.runs.plan_files import (
     Assessment,
     Requirements,
@@ -157,9 +157,9 @@ class Run:
         bound = recorded_parameters(recorded, plan_parameters(self.plan))
         try:
             first = ActionBefore.recorded(recorded.header)
-            settings, seconds = settings_from_header(recorded.header), allowance(self.source, bound, first)
+            settings, within = settings_from_header(recorded.header), Allowance.of(self.source, bound, first)
             handling = {"bare": settings.get("no_recoveries", False), "attempts": settings.get("attempts", 0)}
-            return replay(body_of(self.plan, bound, seconds, first, **handling), recorded)
+            return replay(body_of(self.plan, bound, within, first, **handling), recorded)
         except ValueError as problem:
             raise BadInput([error("X020", str(problem), Span(recorded.name, 1))]) from None
 
@@ -215,10 +215,10 @@ class Run:
         self._judge = Judge(stated, truth, subject.in_truth[0], robot.base.radius, declared)
         platform.scene.collisions.prepare()
         first = ActionBefore.read(options.before or (), subject.map, self.plan.name)
-        seconds = allowance(self.source, subject.bound, first)
+        within = Allowance.of(self.source, subject.bound, first)
         header = self._header(subject, robot, assessment.infeasible, given, first, platform.scene.world.scene.start)
         bare, attempts = options.no_recoveries, options.attempts or 0
-        body = body_of(self.plan, subject.bound, seconds, first, bare=bare, attempts=attempts)
+        body = body_of(self.plan, subject.bound, within, first, bare=bare, attempts=attempts)
         if earlier is not None:
             known = run_header(body, SimulationHost(truth), self.files.seed, options.schedule)
             notes = check_same_run(earlier.recorded, {**header, **known})
@@ -226,7 +226,7 @@ class Run:
             found += notes
         if isinstance(earlier, Past):
             self._restore(executive, earlier)
-        result = self._execute(body, subject.bound, executive, truth, header, earlier, seconds)
+        result = self._execute(body, subject.bound, executive, truth, header, earlier, within.seconds)
         return told_of_steps(result, first, options.announce)
 
     def _subject(self) -> Subject:

@@ -8,13 +8,20 @@ from collections.abc import Set as AbstractSet
 import planlang.failures as failures
 from planlang.compiler.tree import Recover
 from planlang.diagnostics import Diagnostic, error, warning
-from planlang.failures import LookingFailure, ManipulationFailure, ObjectUndeliverable, ObjectUnreachable, PlanFailure
+from planlang.failures import (
+    LookingFailure,
+    ManipulationFailure,
+    ManipulationGoalInCollision,
+    ObjectUndeliverable,
+    ObjectUnreachable,
+    PlanFailure,
+)
 from planlang.language.location import CURABLE
 from planlang.language.recovery import retry
 from planlang.recipe.actions import Actions, RecoveryRule, gone_to, recoveries_of
 from planlang.recipe.checks import check
 from planlang.recipe.model import Kind, Place, Step, Thing
-from planlang.recoveries import Strategy, find_strategy, registered_strategies
+from planlang.recoveries import Strategy, find_strategy, look_and_repeat, registered_strategies
 from planlang.spelling import similar
 
 NEXT_SOLUTION = "NextSolution"
@@ -34,9 +41,11 @@ UNRESOLVED = frozenset(
 """Failures of a base motion instead of which a location scope raises those."""
 
 FROM_HERE = frozenset(kind.__name__ for kind in CURABLE if issubclass(kind, (ManipulationFailure, LookingFailure)))
-"""Those that are retried from the same base pose outside a scope: contacts felt so far change the motion."""
+"""Those that are retried from the same base pose outside a scope: what was seen or felt changes the motion."""
+FELT = frozenset({ManipulationGoalInCollision.__name__})
+"""Those of them that a contact has shown, so that the belief has changed; before the others, the robot looks."""
 ATTEMPTS_FROM_HERE = 2
-REPEAT = Strategy("Repeat", retry)
+REPEAT, LOOK = Strategy("Repeat", retry), Strategy("LookAndRepeat", look_and_repeat, about_object=True)
 
 
 @check("R043", "R044")
@@ -138,8 +147,10 @@ class Recoveries:
         chosen: dict[str, Recover] = {}
         for failure, rule in (pair for cls in classes for pair in self._of(cls)):
             if rule.strategy == NEXT_SOLUTION:
-                if not in_scope and failure in FROM_HERE:
-                    chosen.setdefault(failure, Recover(failure, REPEAT, None, ATTEMPTS_FROM_HERE, rule.escalates_to))
+                if not in_scope and failure in FROM_HERE and (about is not None or failure in FELT):
+                    again = REPEAT if failure in FELT else LOOK
+                    looked = about if again.about_object else None
+                    chosen.setdefault(failure, Recover(failure, again, looked, ATTEMPTS_FROM_HERE, rule.escalates_to))
                 continue
             if failure in UNRESOLVED and not alone and self._actions.is_base_motion(step):
                 continue
