@@ -266,9 +266,12 @@ class Steps:
         chosen = () if is_once else self._leaving(recipe, steps, in_scope=in_scope, alone=alone)
         if not chosen:
             return node
-        if isinstance(node, Handle):
-            return Handle(node.body, (*node.recoveries, *chosen))
-        return Handle(node, chosen)
+        if not isinstance(node, Handle):
+            return Handle(node, chosen)
+        known = {one.failure for one in node.recoveries}
+        inner = Handle(node.body, (*node.recoveries, *(one for one in chosen if one.failure not in known)))
+        after = tuple(one for one in chosen if one.failure in known)  # what these try comes once the others have failed
+        return Handle(inner, after) if after else inner
 
     def with_going_back(self, recipe: Recipe, body: Series, units: Iterable[tuple[Node, list[Step]]]) -> Series:
         """Add the recoveries that run an earlier step again; for things still held at the end, callers add them, too.

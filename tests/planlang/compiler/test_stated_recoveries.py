@@ -101,3 +101,15 @@ def test_letting_go_of_another_thing_leaves_the_first_one_watched(compiled: Any)
     look = step("Look", "k:LookingForSomething")
     text = unbroken(compiled(*carrying(give, look), scopes=False).source)
     assert text.count("fetch_again(bottle, fetch_bottle)") == 2
+
+
+def test_a_recovery_that_moves_the_base_surrounds_one_for_the_same_failure_that_stays_in_place(compiled: Any) -> None:
+    plan = compiled(
+        task("Serve", "Offer"),
+        step("Offer", "k:HandingOverAnObject", "k:objectActedOn value room:bottle1", "k:recipient value room:patient1"),
+    )
+    source = unbroken(plan.source)
+    inside, _, around = source.partition("Recovery(HandoverNotTaken, step_back_and_repeat(patient), retries=1)")
+    assert inside.count("with_failure_handling(") == 1
+    assert "Recovery(HandoverNotTaken, retries=2, within=60)" in inside
+    assert "Recovery(" not in around

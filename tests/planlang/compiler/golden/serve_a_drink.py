@@ -1,7 +1,7 @@
 """Serve a drink.
 
 Compiled by planlang 0.1.0 from serve_a_drink.omn (sha256 7b3a485023f303a1), task ServeADrink.
-What follows has sha256 913d1dfd75ba34592fc8d539bf193a9ee71de4d5fe66bbab4aa514993d4eac6d unless it was edited.
+What follows has sha256 14cc402ff5b62e0d3492a1826d7e8f4732592ca4bd348030d7ddda67df5a6d25 unless it was edited.
 """
 
 from functools import partial
@@ -125,7 +125,7 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
             action(HAND_OVER_BOTTLE, object_acted_on=bottle, recipient=patient, device_used=GRIPPER),
             recoveries=[
                 Recovery(GripperGoalNotReached, retries=3, within=60),
-                Recovery(HandoverNotTaken, retries=1, within=60),
+                Recovery(HandoverNotTaken, retries=2, within=60),
             ],
         )
 
