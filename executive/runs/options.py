@@ -31,6 +31,7 @@ from planlang.runs.trace import Listener
 from planlang.temporary import temporary_folder
 from planlang.words import joined
 from sim.joints import Articulation, JointKind
+from sim.left_behind import left_in_the_way, left_on
 from sim.truth import ROBOT, Truth, at_rest_on, held_by, is_inside, tilt
 
 if TYPE_CHECKING:
@@ -105,10 +106,11 @@ class RunOptions(RunSettings):
 def state_lines(truth: Truth, names: Iterable[str], held: Mapping[str, str] | None = None) -> Iterator[str]:
     """Yield lines for each thing of the plan: where it is, whether it is open, its state (on, Clean), its contents.
 
-    Then a line for each other door or drawer that the run left open. ``held`` says in which hand things still are.
+    Then a line for all else that the run left: a door or drawer open, a device on, a thing in the way of a door or
+    drawer. ``held`` says in which hand things still are.
     """
-    scene, leaves = truth.scene, set[str]()
-    for name in dict.fromkeys(names):
+    scene, leaves, named = truth.scene, set[str](), tuple(dict.fromkeys(names))
+    for name in named:
         if scene.body(name).graspable:
             if (holder := held_by(truth, name)) is not None:
                 hand = (held or {}).get(name) if holder == ROBOT else None
@@ -130,6 +132,8 @@ def state_lines(truth: Truth, names: Iterable[str], held: Mapping[str, str] | No
         value = truth.joint(joint.leaf)
         if not (joint.is_knob or joint.leaf in leaves or joint.is_shut(value)) and joint.is_shut(joint.first):
             yield f"{joint.leaf}: left {_opening(value, joint)}"
+    yield from (f"{name}: left on" for name in left_on(truth) if name not in named)
+    yield from (f"{name}: left in the way of {leaf}" for name, leaf in left_in_the_way(truth))
 
 
 def _opening(value: float, joint: Articulation) -> str:

@@ -27,7 +27,7 @@ RESTING = ("on", "in_")
 
 
 @dataclass(frozen=True, slots=True)
-class _Brought:
+class Brought:
     """What a step brings about of a thing (IRI)."""
 
     step: str
@@ -38,20 +38,7 @@ class _Brought:
 
 def declared_goals(ontology: Ontology, recipes: RecipeSet, meant: Meant) -> tuple[Goal, ...]:
     """List the goals of a task, in the order of its steps: none for a state machine, or for orders with a cycle."""
-    recipe = recipes.main
-    if recipe.machine is not None:
-        return ()
-    try:
-        order = recipe_order(recipe)
-    except ValueError:
-        return ()
-    lasting = [*_of(ontology, recipe, meant)]
-    steps = {step.iri: step for step in recipe.steps}
-    for iri in order.extension:
-        step = steps[iri]
-        if step.is_choice or step.is_abstract or step.times > 1:
-            continue
-        lasting += [one for one in _of(ontology, step, meant) if not _is_undone(one, ontology, recipe, order)]
+    lasting = [*_of(ontology, recipes.main, meant), *lasting_effects(ontology, recipes.main, meant)]
     goals: dict[tuple[Object, Fact], Goal] = {}
     for one in lasting:
         what = meant(_object(one.subject))
@@ -60,7 +47,22 @@ def declared_goals(ontology: Ontology, recipes: RecipeSet, meant: Meant) -> tupl
     return tuple(goals.values())
 
 
-def _of(ontology: Ontology, action: Step | Recipe, meant: Meant) -> Iterator[_Brought]:
+def lasting_effects(ontology: Ontology, recipe: Recipe, meant: Meant = lambda what: what) -> Iterator[Brought]:
+    """Yield what the steps of a recipe bring about that no step which may come later undoes."""
+    if recipe.machine is not None:
+        return
+    try:
+        order = recipe_order(recipe)
+    except ValueError:
+        return
+    steps = {step.iri: step for step in recipe.steps}
+    for iri in order.extension:
+        step = steps[iri]
+        if not (step.is_choice or step.is_abstract or step.times > 1):
+            yield from (one for one in _of(ontology, step, meant) if not _is_undone(one, ontology, recipe, order))
+
+
+def _of(ontology: Ontology, action: Step | Recipe, meant: Meant) -> Iterator[Brought]:
     """Yield what an action brings about, whatever comes later."""
     table, classes = declared(ontology), ontology.ancestors(action.action_class)
     for cls in classes:
@@ -73,22 +75,22 @@ def _of(ontology: Ontology, action: Step | Recipe, meant: Meant) -> Iterator[_Br
         if subject is not None:
             said = DEVICE_STATES.get(local_name(state), state)
             words = f"switched {said}" if said in (ON, OFF) else f"is {local_name(state)}"
-            yield _Brought(action.iri, subject, InState(said), words)
+            yield Brought(action.iri, subject, InState(said), words)
 
 
-def _of_pattern(action: Step | Recipe, pattern: Pattern, meant: Meant) -> Iterator[_Brought]:
+def _of_pattern(action: Step | Recipe, pattern: Pattern, meant: Meant) -> Iterator[Brought]:
     match pattern.predicate, pattern.properties:
         case ("open" | "closed") as state, (name,):
             if (subject := _thing(action, name)) is not None:
-                yield _Brought(action.iri, subject, InState(OPEN if state == "open" else CLOSED), state)
+                yield Brought(action.iri, subject, InState(OPEN if state == "open" else CLOSED), state)
         case "holding", (name,):
             if (subject := _thing(action, name)) is not None:
-                yield _Brought(action.iri, subject, HeldBy(None), "held by robot")
+                yield Brought(action.iri, subject, HeldBy(None), "held by robot")
         case "located", (where, name):
             subject, place = _thing(action, name), next(iter(action.fillers(where)), None)
             found = None if subject is None else _located(place, meant)
             if subject is not None and found is not None:
-                yield _Brought(action.iri, subject, *found)
+                yield Brought(action.iri, subject, *found)
 
 
 def _located(place: object, meant: Meant) -> tuple[Fact, str] | None:
@@ -111,7 +113,7 @@ def _located(place: object, meant: Meant) -> tuple[Fact, str] | None:
     return (At(Location(tuple(relations))), " and ".join(words)) if relations else None
 
 
-def _is_undone(brought: _Brought, ontology: Ontology, recipe: Recipe, order: Precedence[str]) -> bool:
+def _is_undone(brought: Brought, ontology: Ontology, recipe: Recipe, order: Precedence[str]) -> bool:
     """Check whether another step may change what a step brings about: one that acts on its thing, or opens a hand."""
     table = declared(ontology)
     for step in recipe.steps:

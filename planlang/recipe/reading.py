@@ -20,6 +20,7 @@ from planlang.recipe.checks import (
     CheckedRecipe,
     check,
     fillers,
+    leaving,
     loops,
     losses,
     orderings,
@@ -355,6 +356,7 @@ ORDERED_STEPS: tuple[Check[[CheckedRecipe], Iterable[Diagnostic]], ...] = (
     orderings.unordered_base_motions,
     resources.shared_resources,
     orderings.free_steps,
+    leaving.left_behind,
 )
 """Checks of recipes with a partial order of steps."""
 

@@ -58,6 +58,7 @@ WITHOUT = {
     "R068": "the file does not state the thing or place",
     "R069": "the file does not state which things are meant",
     "R070": "the file does not state the other thing, or which one is superfluous",
+    "R071": "it may be meant to stay so",
 }
 """Code -> why there is no fix: the file allows several corrections, or determines none."""
 
