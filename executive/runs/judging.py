@@ -27,8 +27,10 @@ def goals_of(
     ontologies: Sequence[Ontology],
     plan: Plan[Any, Any],
 ) -> tuple[tuple[Goal | Predicate, ...], tuple[Goal, ...]]:
-    """Find the goals that options state, and those that the recipe of a compiled plan declares. Raises BadInput."""
-    return _stated(options, subject), _declared(subject, compiled, ontologies, plan)
+    """Find the goals that options state, and further ones that a compiled recipe declares. Raises BadInput."""
+    stated, declared = _stated(options, subject), _declared(subject, compiled, ontologies, plan)
+    known = {str(one) for one in stated}
+    return stated, tuple(one for one in declared if str(one) not in known)
 
 
 def _stated(options: SituationSettings, subject: Subject) -> tuple[Goal | Predicate, ...]:
