@@ -71,8 +71,10 @@ class Check:
             case InState(state) if goal.subject is not None:
                 yield from self._state(goal.subject, state)
             case Holds(Object() as substance) if substance.iri is not None and self._body(substance) is not None:
-                advice = f"write that it is in the vessel: {self._body(substance)} in ..."
-                yield self._wrong(f"{self._body(substance)} is a thing, not a substance", advice)
+                thing, holder = self._body(substance), name_of(goal.subject, self._map) if goal.subject else None
+                is_person = holder in self._names() and self._scene.body(str(holder)).shape is BodyShape.PERSON
+                advice = f"{thing} held by {holder}" if is_person else f"{thing} in {holder or '...'}"
+                yield self._wrong(f"{thing} is a thing, not a substance", f"write: {advice}")
 
     def _wrong(self, message: str, help: str | None = None) -> Diagnostic:
         return error("P012", message, self._span, help)

@@ -16,8 +16,8 @@ from planlang.words import Text
 from sim import Scene
 from sim.bodies import FLOOR
 
-STATES = ("DeviceState", "StateOfThing")
-"""Classes of states, whose individuals a goal may name."""
+STATES = ("StateOfThing",)
+"""Classes of states, whose individuals a goal may name; those of devices are on and off."""
 THE_FLOOR = Object("Floor", FLOOR)
 """What stands on no furniture stands on it."""
 

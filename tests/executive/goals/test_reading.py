@@ -18,7 +18,7 @@ from tests.executive.goals.conftest import MakeWorld
         ("bottle1 visible from table1", "P012", "'visible from' of a thing is nothing that a world decides", "near"),
         ("bottle1 near a place on table1", "P012", "a place is no thing: 'near' names one in a goal", "name a thing"),
         ("bottle1 on the bed", "P008", "the map has no Bed-PieceOfFurniture", "it has room1, cabinet1"),
-        ("bottle1 contains table1", "P012", "table1 is a thing, not a substance", "table1 in ..."),
+        ("bottle1 contains table1", "P012", "table1 is a thing, not a substance", "write: table1 in bottle1"),
         ("bottel1 on table1", "P002", "unknown thing 'bottel1'", "did you mean 'bottle1'?"),
         ("robot is open", "P012", "of the robot, a goal says where it is", "robot in kitchen1"),
         ("bottle1 is sparkling", "P001", "'sparkling' is neither a state nor a relation", "states: open, closed"),
