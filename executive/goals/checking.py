@@ -71,9 +71,9 @@ class Check:
             case InState(state) if goal.subject is not None:
                 yield from self._state(goal.subject, state)
             case Holds(Object() as substance) if substance.iri is not None and self._body(substance) is not None:
-                thing, holder = self._body(substance), name_of(goal.subject, self._map) if goal.subject else None
-                is_person = holder in self._names() and self._scene.body(str(holder)).shape is BodyShape.PERSON
-                advice = f"{thing} held by {holder}" if is_person else f"{thing} in {holder or '...'}"
+                thing, owner = self._body(substance), name_of(goal.subject, self._map) if goal.subject else None
+                is_person = owner in self._names() and self._scene.body(str(owner)).shape is BodyShape.PERSON
+                advice = f"{thing} held by {owner}" if is_person else f"{thing} in {owner or '...'}"
                 yield self._wrong(f"{thing} is a thing, not a substance", f"write: {advice}")
 
     def _wrong(self, message: str, help: str | None = None) -> Diagnostic:
