@@ -123,6 +123,8 @@ class Placement:
         in_the_way = self._room(upright, centres, ways_of(demand, self.scene)) < FREE
         log.refuse(IN_THE_WAY, centres[in_the_way])
         centres = centres[~in_the_way]
+        if not len(centres):
+            return centres, np.zeros(0)
         room = self._room(upright, centres, self._others())
         crowded = room < FREE
         if self.above_rim is not None:  # better where it falls to the bottom, and not onto other things
