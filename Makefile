@@ -129,7 +129,7 @@ bench: $(VENV)/.bench-stamp
 	@echo "== paths of an arm"; $(BIN)/python -m tests.benchmarks.paths
 	@echo "== doors and drawers"; $(BIN)/python -m tests.benchmarks.doors
 	@echo "== large maps"; $(BIN)/python -m tests.benchmarks.large_maps
-	@echo "== failing requests"; $(BIN)/python -m tests.benchmarks.faults --least 0.85
+	@echo "== faults"; $(BIN)/python -m tests.benchmarks.faults --rates 10
 	@echo "== dead hands"; $(BIN)/python -m tests.benchmarks.dead_hand
 	@echo "== another robot in the room"; $(BIN)/python -m tests.benchmarks.second_body
 

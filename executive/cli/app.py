@@ -60,6 +60,7 @@ _COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("convert", AUTHORING, "my_recipe.owl --to manchester -o my_recipe.omn"),
     ("merge", AUTHORING, "hospital_room seen_today.omn -o room.omn"),
     ("list", AUTHORING, "classes bottle"),
+    ("faults", AUTHORING, "gripper"),
     ("show", AUTHORING, "hospital_room -o room.png --view top"),
     ("match", AUTHORING, "serve_a_drink --robot amigo"),
     ("run", RUNS, "serve_a_drink --seed 3 --trace run.jsonl --picture scene.png"),

@@ -94,6 +94,20 @@ class ListArguments(Arguments):
 
 
 @dataclass(frozen=True, kw_only=True)
+class FaultsArguments(Arguments):
+    """List the kinds of faults that may be stated for a run: what they are, when they happen, what shows them.
+
+    A fault is PART.NAME:KIND=VALUE@WHEN, of which PART:KIND is enough: gripper:misses, arm.left:stalls=0.5@2.
+    WHEN is 1 by default: the first opportunity; 2-4 are several, 3s the first from a plan time on, 3s-8s all within a
+    time, always all. The opportunities are counted at which the fault can happen to what it names.
+    """
+
+    part: Annotated[
+        str | None, argument(metavar="PART", help="List only the faults of this part, such as gripper or door.")
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class ShowArguments(TaskArguments):
     """Show the contents of a file: a recipe, a plan, a trace, a map or a robot.
 

@@ -167,6 +167,8 @@ class _Part:
         named = {"recipe" if isinstance(file, RecipeFile) else "plan": file.path if is_file else None}
         named |= {"robot": files.robot, "urdf": self._run.urdf, "environment": files.environment}
         yield from ((name, path) for name, path in named.items() if path is not None)
+        if self._run.faults is not None:
+            yield "faults", self._run.faults
         for name, paths in (("environment", files.additions), ("modules", self._run.modules or ())):
             yield from ((f"{name} {number}", path) for number, path in enumerate(paths, 2))
         there = () if files.world is None else files.world.files

@@ -10,6 +10,7 @@ from executive.runs.prepared import RunFiles
 from executive.runs.simulated import SimulatedWorld
 from planlang.diagnostics import BadInput, Diagnostic, error, warning
 from planlang.faults.drawing import Draw
+from planlang.faults.kinds import Opportunity
 from planlang.faults.named import NamedFault, read_faults
 from planlang.faults.stated import DONE
 from planlang.spelling import similar
@@ -80,6 +81,10 @@ def _check_names(named: Sequence[NamedFault], scene: Scene, robot: Robot) -> Non
     bodies = [body.name for body in scene.bodies]
     problems = []
     for one in named:
+        if one.kind.opportunity is Opportunity.STEP:
+            advice = "state what goes wrong in the world, such as gripper:misses; a scripted test lets steps fail"
+            problems.append(error("X041", f"{one}: steps fail by themselves in scripted runs only", help=advice))
+            continue
         known: Collection[str] = [*arms, *bodies] if one.kind.part in ("gripper", "arm") else bodies
         if one.of is not None and one.kind.part not in ("base", "head", "camera") and one.of not in known:
             alike = similar(one.of, known)

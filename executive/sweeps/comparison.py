@@ -26,7 +26,7 @@ from executive.sweeps.paired import (
     worlds_needed,
 )
 from executive.sweeps.records import Row, is_reached
-from executive.sweeps.table import Cause, causes, outcome_of
+from executive.sweeps.table import Cause, causes, fault_line, outcome_of
 from planlang import notebooks
 from planlang.diagnostics import Diagnostic, Span, note, warning
 from planlang.outputs import PNG_OR_SVG, check_outputs, replace, write_text
@@ -65,6 +65,8 @@ class VariantShare:
     """Outcomes other than reached and failed -> number of worlds."""
     cause: Cause | None = None
     """The most frequent cause for which it did not reach the goal; None if it always did."""
+    faults: str = ""
+    """How many faults happened in its worlds; empty without faults."""
 
     @property
     def share(self) -> float:
@@ -318,7 +320,9 @@ def _share(name: str, settings: Mapping[str, str], rows: Sequence[Row]) -> Varia
     median = statistics.median(times) if times else None
     interval = wilson(len(reached), len(rows))
     cause = next(iter(causes(rows)), None)
-    return VariantShare(name, dict(settings), len(rows), len(reached), *interval, median, dict(others), cause)
+    return VariantShare(
+        name, dict(settings), len(rows), len(reached), *interval, median, dict(others), cause, fault_line(rows)
+    )
 
 
 def _pair(
@@ -367,6 +371,9 @@ def _time(both: Sequence[tuple[Any, Row, Row]]) -> TimeDifference | None:
 
 def _lines(comparison: Comparison) -> Iterator[str]:
     yield from _aligned([HEAD, *map(_cells, comparison.variants)])
+    if any(one.faults for one in comparison.variants):
+        yield ""
+        yield from (f"{one.name}: {one.faults or 'no faults'}" for one in comparison.variants)
     for one in comparison.pairs:
         yield ""
         yield from _pair_lines(one, len(comparison.pairs))

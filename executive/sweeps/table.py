@@ -87,12 +87,26 @@ def table(rows: Sequence[Row], total: int | None = None) -> str:
         lines.append(f"{one.outcome:<20}{one.count:>7}  {100 * part:5.1f} %  ({interval})")
     if anyway := sum(row.get("reached") is True and row.get("outcome") != DONE for row in rows):
         lines.append(f"in {anyway} of these the goal holds although the plan did not end as done")
+    lines += filter(None, [fault_line(rows)])
     times = sorted(row["duration"] for row in rows if is_reached(row) and "duration" in row)
     if times:
         late = times[math.ceil(0.95 * len(times)) - 1]
         lines.append(f"plan time where reached: median {statistics.median(times):.1f} s, 95 % within {late:.1f} s")
     lines += _cause_lines(causes(rows))
     return "\n".join(lines)
+
+
+def fault_line(rows: Sequence[Row]) -> str:
+    """Say how many faults happened in the worlds, of those that were stated and in a run; empty without faults."""
+    told = [row["faults"] for row in rows if isinstance(row.get("faults"), dict)]
+    if not told:
+        return ""
+    fired, stated = sum(len(one["fired"]) for one in told), sum(one["stated"] for one in told)
+    opportunities = sum(one["opportunities"] for one in told) / len(told)
+    often = f"{fired / len(told):.2f} faults a run, at {opportunities:.1f} opportunities"
+    if not stated:
+        return often
+    return f"{often}; of {stated} that were stated, {stated - sum(len(one['never']) for one in told)} happened"
 
 
 def csv_text(rows: Sequence[Row]) -> str:

@@ -20,7 +20,7 @@ MOST_VARIANTS = 50
 """Maximum number of variants."""
 OF_ROWS = (
     *("world", "repeat", "variant", "seed", "outcome", "reached", "claimed"),
-    *("failure", "message", "duration", "final_state", "largest_tilts"),
+    *("failure", "message", "duration", "final_state", "largest_tilts", "faults"),
 )
 """Columns of rows that no parameter of a plan may take."""
 PARAMETER = "set."

@@ -55,4 +55,5 @@ def _row(result: RunResult) -> Row:
         "duration": round(result.duration, 3),
         "final_state": list(result.final_state),
         "largest_tilts": result.tilts.degrees(),
+        **({} if result.faults is None else {"faults": result.faults.as_json()}),
     }

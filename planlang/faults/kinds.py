@@ -21,6 +21,7 @@ class Opportunity(StrEnum):
     HANDLE = "a contact with a handle"
     OFFER = "an offer to a person"
     SWITCHING = "a switching of a device"
+    STEP = "a start of a step of a scripted run"
 
 
 class Sense(StrEnum):
@@ -37,6 +38,8 @@ class Sense(StrEnum):
     WRIST = "wrist"
     """The forces at the wrist."""
     CAMERA = "camera"
+    STEP = "the step"
+    """It fails by itself, whatever the world is like."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +63,16 @@ class Kind:
 
     def __str__(self) -> str:
         return f"{self.part}:{self.name}"
+
+    @property
+    def stated(self) -> str:
+        """How it is stated, with its value, if it may have one."""
+        return str(self) if self.value is None else f"{self}={self.value}"
+
+    @property
+    def chance(self) -> str:
+        """What is added for a kind that is not drawn by a rate."""
+        return "" if self.recovers else "; only if it is named"
 
 
 KINDS: Sequence[Kind] = (
@@ -119,6 +132,8 @@ KINDS: Sequence[Kind] = (
          Sense.CAMERA, ("ContainerStuck",)),
     Kind("device", "is_dead", Opportunity.SWITCHING, "the device does not switch any more",
          Sense.CAMERA, ("ContainerStuck",), recovers=False),
+    Kind("step", "fails", Opportunity.STEP, "the step, or the action of the class, that it names fails",
+         Sense.STEP, (), value="FAILURE", recovers=False),
 )  # fmt: skip
 """All kinds, by what they happen to."""
 

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 
 from planlang.faults.kinds import KINDS, Kind, kind_of, parts
 from planlang.records import dataclass
-from planlang.spelling import similar
+from planlang.spelling import guess
 
 ALWAYS = "always"
 MOST_FAULTS = 1000
@@ -134,10 +134,5 @@ def _check_value(kind: Kind, value: str | None) -> None:
 def _unknown(part: str, name: str) -> str:
     names = [one.name for one in KINDS if one.part == part]
     if not names:
-        return f"nothing goes wrong with {part!r}{_guess(part, parts())}; faults are of {', '.join(parts())}"
-    return f"{part} has no fault {name!r}{_guess(name, names)}; its faults: {', '.join(names)}"
-
-
-def _guess(word: str, words: Collection[str]) -> str:
-    alike = similar(word, words)
-    return f": did you mean {alike[0]}?" if alike else ""
+        return f"no fault is of {part!r}; {guess(part, parts())}faults are of {', '.join(parts())}"
+    return f"{part} has no fault {name!r}; {guess(name, names)}its faults: {', '.join(names)}"

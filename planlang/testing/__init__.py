@@ -1,15 +1,16 @@
 """Testing plans in virtual time, with scripted robots, injected faults, and all possible schedules of the tasks.
 
-General layout: ``running`` runs a plan; ``script`` and ``scripted`` are the robot, ``faults`` are injected failures;
+General layout: ``running`` runs a plan; ``script`` and ``scripted`` are the robot; :mod:`planlang.faults.steps` injects
+failures;
 ``history`` answers questions from the trace; ``exploring`` searches for schedules that change the outcome;
 ``extensions`` enumerates the orders of a partial order; ``plugin`` is the pytest plugin, with tests in many
 ``worlds``.
 """
 
+from planlang.faults.steps import Fault
 from planlang.runs import TaskNode as Step
 from planlang.testing.exploring import Exploration, ScheduleDependence, explore
 from planlang.testing.extensions import Extensions, all_linear_extensions
-from planlang.testing.faults import Fault
 from planlang.testing.history import Count, History, NoSuchStep, Verdict
 from planlang.testing.running import PlanRun, UnusedRule, compiled, replay, run_plan
 from planlang.testing.script import Belief, Rule, Script

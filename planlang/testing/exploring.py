@@ -13,13 +13,13 @@ from random import Random
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from planlang.failures import PlanFailure
+from planlang.faults.steps import Fault
 from planlang.kernel.core import ChoiceSource
 from planlang.kernel.schedule import ListedSchedule, RandomSchedule
 from planlang.misuse import Usage
 from planlang.records import dataclass
 from planlang.runs import with_paths
 from planlang.runs.codec import encode
-from planlang.testing.faults import Fault
 from planlang.testing.history import History
 from planlang.testing.running import PlanRun, UnusedRule, attempt, recent_runs
 
@@ -233,7 +233,7 @@ def explore(
     *,
     check: Check | None = None,
     script: Script | None = None,
-    faults: Sequence[Fault] = (),
+    faults: Sequence[Fault | str] = (),
     seed: int = 0,
     within: float = 86_400.0,
     shrinking_runs: int = 1000,

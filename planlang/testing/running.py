@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from planlang.compiler import compile_recipe
 from planlang.failures import PlanFailure
+from planlang.faults.steps import Fault, Injector
 from planlang.files import bundled
 from planlang.kernel import VirtualHost
 from planlang.kernel.schedule import Schedule
@@ -25,7 +26,6 @@ from planlang.language.source import PlanSource
 from planlang.misuse import Usage, did_you_mean
 from planlang.outputs import write_text
 from planlang.runs import Past, RecordedRun, Trace, restore
-from planlang.testing.faults import Fault, Injector
 from planlang.testing.history import History
 from planlang.testing.script import Script
 from planlang.testing.scripted import ScriptedExecutive
@@ -120,7 +120,7 @@ def run_plan(
     *,
     script: Script | None = None,
     executive: Executive | None = None,
-    faults: Sequence[Fault] = (),
+    faults: Sequence[Fault | str] = (),
     seed: int = 0,
     schedule: Schedule = None,
     rate: int = 240,
@@ -132,10 +132,10 @@ def run_plan(
     """Run a plan in virtual time and return the finished run.
 
     ``script`` describes the behaviour of the process modules (default: an empty script), unless an ``executive`` is
-    given. ``faults`` are added to those of the script. ``schedule`` is as in :func:`planlang.run`. A plan failure is
-    part of the result; other errors are raised: programming errors, DeadlockError, NoProgress, and StepLimit after
-    ``within`` [s] of plan time. A rule or fault for a step that did not occur raises UnusedRule, unless
-    ``allow_unused``.
+    given. ``faults`` are added to those of the script; a text states some, as ``step.grasp:fails=ObjectLost@2``.
+    ``schedule`` is as in :func:`planlang.run`. A plan failure is part of the result; other errors are raised:
+    programming errors, DeadlockError, NoProgress, StepLimit after ``within`` [s] of plan time. A rule or fault for a
+    step that did not occur, or a fault in a text that did not happen, raises UnusedRule, unless ``allow_unused``.
 
     With ``resumable`` the trace stores the completed steps of the top-level plan; see :func:`planlang.run`. ``resume``
     is such a run, its trace, or one read from a file: its completed steps return their recorded results, and the belief
@@ -167,7 +167,7 @@ def attempt(
     *,
     script: Script | None = None,
     executive: Executive | None = None,
-    faults: Sequence[Fault] = (),
+    faults: Sequence[Fault | str] = (),
     seed: int = 0,
     schedule: Schedule = None,
     rate: int = 240,
@@ -213,7 +213,8 @@ def attempt(
 def _note_unused(ended: PlanRun[Any], scripted: ScriptedExecutive | None, injector: Injector) -> None:
     """Store the rules and faults that were never applied, and those whose steps did not occur."""
     ended.unused = tuple(f"fault {fault}" for fault in injector.unused)
-    hints = {f"fault {fault}": did_you_mean(fault.step, ended.names()) for fault in injector.unmatched}
+    missing = (*injector.unmatched, *(one for one in injector.unused if one.named is not None))
+    hints = {f"fault {fault}": did_you_mean(fault.step, ended.names()) for fault in missing}
     if scripted is not None:
         ended.unused = (*(f"rule {rule}" for rule in scripted.unused), *ended.unused)
         hints = {f"rule {rule}": did_you_mean(rule.step, scripted.performed) for rule in scripted.unmatched} | hints

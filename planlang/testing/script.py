@@ -9,13 +9,13 @@ from typing import Any
 
 from planlang.changes import Change, Output, Transformed
 from planlang.designators import Action, Condition, Location, Object
+from planlang.faults.steps import Fault, Raises
 from planlang.geometry import Pose
 from planlang.misuse import Usage
 from planlang.records import dataclass
 from planlang.state import Made, Matter, Portion, WorldState, apply
 from planlang.state.matter import ON, PUDDLE, ROUNDING, Rules
 from planlang.state.questions import Point, came_to_be, contains, is_baked
-from planlang.testing.faults import Fault, Raises
 
 Base = tuple[float, float, float]
 """Pose of the base: x, y [m], yaw [rad]."""

@@ -9,6 +9,7 @@ from typing import Any
 from planlang.action_classes import ancestors_of
 from planlang.designators import Action, Condition, Location, Object, action, local_name
 from planlang.failures import LocationUnresolvable, PlanFailure
+from planlang.faults.steps import make_failure
 from planlang.kernel import now, sleep
 from planlang.kernel.core import here
 from planlang.kernel.tree import Node
@@ -19,7 +20,6 @@ from planlang.protocols import Solution
 from planlang.records import dataclass
 from planlang.roles import meant_role
 from planlang.runs.codec import dump, load
-from planlang.testing.faults import make_failure
 from planlang.testing.script import Belief, Rule, Script
 from planlang.testing.vocabulary import ActionVocabulary, bundled_vocabulary
 

@@ -1,18 +1,24 @@
-"""Faults: failures that a test injects into steps, at a given attempt or time."""
+"""Faults of steps: failures that are injected into steps of a scripted run, at a given attempt or time."""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from itertools import chain
 
+import planlang.failures as failures
 from planlang.action_classes import ancestors_of
 from planlang.designators import Action
+from planlang.faults.kinds import Opportunity
+from planlang.faults.named import ALWAYS, NamedFault, When, WrongFault, read_faults
 from planlang.kernel import Scheduler, Task
 from planlang.kernel.cancel import break_off
 from planlang.kernel.core import here
 from planlang.kernel.tree import Node
+from planlang.plan_failure import PlanFailure
 from planlang.records import dataclass
+from planlang.spelling import guess
 
 Raises = type[BaseException] | BaseException | Callable[[], BaseException]
 
@@ -38,7 +44,17 @@ class Fault:
     after: float | None = None
     at: float | None = None
 
+    named: NamedFault | None = None
+    """The stated fault that it is, if a text states it."""
+
+    @staticmethod
+    def read(text: str) -> tuple[Fault, ...]:
+        """Read faults of steps such as ``step.grasp:fails=ObjectLost@2``. Raises WrongFault."""
+        return tuple(fault for one in read_faults([text]) for fault in _of_steps(one))
+
     def __str__(self) -> str:
+        if self.named is not None:
+            return str(self.named)
         what = self.raises.__name__ if isinstance(self.raises, type) else repr(self.raises)
         which = "" if self.attempt is None else f", attempt {self.attempt}"
         when = f" at {self.at:g} s" if self.at is not None else ""
@@ -46,11 +62,34 @@ class Fault:
         return f"{what} in {self.step}{which}{when}"
 
 
+def _of_steps(fault: NamedFault) -> Iterator[Fault]:
+    """Yield the faults of steps that a stated one means."""
+    if fault.kind.opportunity is not Opportunity.STEP or fault.of is None or fault.value is None:
+        example = "step.grasp:fails=ObjectLost@2"
+        raise WrongFault(f"{fault}: a scripted robot has no world, so only steps fail; write for example {example}")
+    raises = getattr(failures, fault.value, None)
+    if not (isinstance(raises, type) and issubclass(raises, PlanFailure)):
+        names = [name for name, one in vars(failures).items() if isinstance(one, type)]
+        raise WrongFault(f"{fault}: there is no failure {fault.value}; {guess(fault.value, names)}")
+    when = fault.when
+    if when.since is not None and when.last == 1:
+        yield Fault(fault.of, raises, at=when.since, named=fault)
+    elif when.since is None and when.last is not None:
+        for attempt in range(when.first or 1, when.last + 1):
+            yield Fault(fault.of, raises, attempt, named=fault)
+    elif when == When.of(ALWAYS):
+        yield Fault(fault.of, raises, named=fault)
+    else:
+        raise WrongFault(f"{fault}: of a step, state a number (@2, @2-4), one plan time (@3s), or @always")
+
+
 class Injector:
     """Injector of the faults of one run."""
 
-    def __init__(self, faults: Sequence[Fault]) -> None:
-        self._faults = tuple(faults)
+    def __init__(self, faults: Sequence[Fault | str]) -> None:
+        """A text states faults in the grammar of :mod:`planlang.faults.named`. Raises WrongFault."""
+        read = (Fault.read(one) if isinstance(one, str) else (one,) for one in faults)
+        self._faults = tuple(chain.from_iterable(read))
         self._starts = [0] * len(self._faults)
         """Number of starts of the step of each fault."""
         self._injected = [False] * len(self._faults)
