@@ -23,6 +23,8 @@ from planlang.relations.looking import SeenFrom
 from planlang.relations.reaching import InCenterOf, InReachOf
 
 ORDER = tuple(ReachKind)
+DELIVERIES = (ReachKind.ABOVE, ReachKind.OFFER, ReachKind.PLACE)
+"""What hands do with things that they hold."""
 
 
 @dataclass(eq=False, repr=False)
@@ -141,7 +143,26 @@ def base_demand(location: Location, scene: PlanningScene, viewer: Viewer) -> Bas
     # what something is put on, or in, is in reach for that: nobody grasps it
     supports = {reach.body for reach in reaches if reach.kind is ReachKind.PLACE}
     needed = tuple(reach for reach in reaches if reach not in plain or reach.body not in supports)
+    needed = _by_hand_with_thing(needed, scene)
     return BaseDemand(needed, tuple(seen), tuple(areas), tuple(unreached), tuple(unseen))
+
+
+def _by_hand_with_thing(reaches: tuple[Reach, ...], scene: PlanningScene) -> tuple[Reach, ...]:
+    """Restrict what hands do with held things to those that hold one which the location also names.
+
+    Who puts a thing down and then draws the hand back from it puts down this thing, whatever the other hand holds.
+    """
+    bodies = {reach.body for reach in reaches}
+    full = {arm.name: held.name for arm in scene.arms.all if (held := scene.arms.held(arm.name)) is not None}
+    meant = tuple(arm for arm, thing in full.items() if thing in bodies)
+    if not meant or len(meant) == len(full):
+        return reaches
+    return tuple(
+        replace(one, arms=tuple(arm for arm in meant if arm in (one.arms or meant)) or one.arms)
+        if one.kind in DELIVERIES
+        else one
+        for one in reaches
+    )
 
 
 def _while_holding(reach: Reach, scene: PlanningScene) -> Reach:

@@ -134,6 +134,17 @@ def test_what_is_in_a_hand_is_put_near_where_it_was_and_not_on_itself(make_stage
         next(stage.resolver.hands(a_location(on=THE_BOTTLE), arm, stage.platform.arm_joints(arm)))
 
 
+@pytest.mark.parametrize(("what", "arm"), [("DrinkingBottle", "right"), ("Cup", "left")])
+def test_of_two_things_in_hands_the_one_that_a_place_names_is_put_there(
+    what: str, arm: str, make_stage: MakeStage
+) -> None:
+    stage = make_stage(*WARD, replace(BOTTLE, name="cup", type="Cup", pose=Pose((1.6, 0.25, 0.9))))
+    hold_bottle(stage)
+    hold_bottle(stage, "left", name="cup")
+    where = a_location(in_reach_of=(a_location(on=THE_CABINET), a_location(in_front_of=an_object(what))))
+    assert next(stage.resolver.bases(where)).detail["arm"] == arm
+
+
 def test_what_is_put_beside_a_thing_is_put_on_what_that_stands_on(make_stage: MakeStage) -> None:
     cup = replace(BOTTLE, name="cup", type="Cup", pose=Pose((1.6, 0.25, 0.85)), size=(0.08, 0.08, 0.1))
     stage, beside = make_stage(*WARD, cup), a_location(left_of=an_object("Cup"), seen_from=THE_BED)
