@@ -44,6 +44,10 @@ ALIKE = 3
 """Free base poses at one distance of the point ahead before those at other distances follow."""
 BACK_OFF = (0.1, 0.2, 0.3, 0.45, 0.6)
 """Distances at which to search for room for postures of the arms [m]; short, so that the base stays near its work."""
+FARTHER_OFF = (0.8, 1.0, 1.3)
+"""The same where there is none so near [m]: between two pieces of furniture no step aside gives an elbow its room."""
+TURNED_BY = tuple(share * math.pi for share in (0.0, 0.25, -0.25, 0.5, -0.5, 0.75, -0.75, 1.0))
+"""Turns of the base with which it is searched for there [rad]."""
 AWAY = tuple(share * math.pi for share in (1.0, 0.75, -0.75, 0.5, -0.5, 0.25, -0.25, 0.0))
 """Directions in which the base backs off, relative to a heading [rad]: straight back first."""
 APPROACH = 0.5
@@ -178,26 +182,42 @@ class Standing:
         """Find the nearest base pose at which arms are free in the given postures (d,); None if there is none.
 
         The pose is at least ``least`` [m] away. Straight motions with the arms as they are come first, and of these the
-        ones opposite to the first hand's approach: a hand leaves a cabinet or a handle the way it came.
+        ones opposite to the first hand's approach: a hand leaves a cabinet or a handle the way it came. Poses that are
+        turned, or farther away, come last.
         """
-        here, contacts, indirect = self.scene.base(), self.scene.collisions.contacts, None
+        here, indirect = self.scene.base(), None
         heading = here[2]
         if postures:  # a vertical approach has no heading
             tip, approach = self.scene.arms.tip(postures[0][0]), np.asarray(postures[0][0].frame.approach)
             x, y, _ = matrices.rotated(tip[:3, :3], approach).tolist()
             heading = math.atan2(y, x) if math.hypot(x, y) > APPROACH else heading
-        nearby = () if self.scene.robot.base.fixed else self.beside(heading, BACK_OFF)
+
+        def is_free(pose: BasePose) -> bool:
+            if math.dist(pose[:2], here[:2]) < least - HAIR or (pose != here and not self.poses.has_room(pose)):
+                return False
+            return not any(self.scene.collisions.contacts(pose, arm, posture) for arm, posture in postures)
+
+        if self.scene.robot.base.fixed:
+            return here if is_free(here) else None
         # A base that turns sweeps the arms through what they have just worked at, so a straight way with the arms as
         # they are goes before a shorter way around, which the planner of paths may or may not find.
-        for pose in chain((here,), nearby):
-            if math.dist(pose[:2], here[:2]) < least - HAIR or (pose != here and not self.poses.has_room(pose)):
-                continue
-            if any(contacts(pose, arm, posture) for arm, posture in postures):
-                continue
+        for pose in filter(is_free, chain((here,), self.beside(heading, BACK_OFF))):
             if all(map(self.poses.has_room, poses_along(np.array([here, pose]), STRIDE + HAIR))):
                 return pose
             indirect = indirect or pose
-        return indirect
+        return indirect or next(filter(is_free, self._farther(heading)), None)
+
+    def _farther(self, heading: float) -> Iterator[BasePose]:
+        """Yield base poses with a way from here, turned or farther away than those straight beside: nearest first."""
+        every = [
+            (x, y, yaw + turn)
+            for away in (*BACK_OFF, *FARTHER_OFF)
+            for turn in TURNED_BY
+            if turn or away in FARTHER_OFF
+            for x, y, yaw in self.beside(heading, (away,))
+        ]
+        rows = np.array(every)
+        yield from (every[row] for row in np.flatnonzero(self.poses.free(rows)).tolist())
 
 
 def _shoulder(arms: Sequence[ArmModel]) -> tuple[Array, float]:

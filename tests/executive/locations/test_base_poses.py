@@ -8,7 +8,12 @@ import pytest
 from executive.locations.base_poses import BasePoses
 from executive.locations.rejections import NO_ROOM
 from executive.locations.standing import BEST, SHARES
+from planlang.geometry import Pose
+from sim import Body
 from tests.executive.conftest import BED, MakeStage
+
+WALLS = [Body(f"wall{x:+d}", Pose((0.5 * x, 0.0, 0.75)), (0.1, 8.0, 1.5)) for x in (1, -1)]
+"""Of a corridor across the way that the robot faces, 0.9 m wide."""
 
 
 @pytest.mark.parametrize("turned", [0.0, 0.5 * math.pi], ids=["along", "across"])
@@ -49,3 +54,17 @@ def test_the_base_backs_off_straight_at_first(make_stage: MakeStage) -> None:
     x, y, yaw = (stage := make_stage(BED)).platform.base()
     first = next(stage.platform.standing().beside(yaw, [0.2]))
     assert first == pytest.approx((x - 0.2 * math.cos(yaw), y - 0.2 * math.sin(yaw), yaw))
+
+
+def test_where_no_step_aside_gives_an_arm_its_room_the_base_turns(make_stage: MakeStage) -> None:
+    stage = make_stage(BED, *WALLS)
+    stage.platform.observe()
+    scene, here = stage.platform.scene, stage.platform.base()
+    arm = scene.arms.all[0]
+    ahead = arm.seeds[np.argmax(arm.chain.fk(arm.seeds)[:, 0, 3])]
+    assert scene.collisions.contacts(here, arm, ahead)
+    assert not scene.collisions.contacts(here)
+    room = stage.platform.standing().with_room_for([(arm, ahead)])
+    assert room is not None
+    assert abs(math.sin(room[2] - here[2])) > 0.7
+    assert not scene.collisions.contacts(room, arm, ahead)
