@@ -96,8 +96,9 @@ async def at_location(
     within 5 cm of one that failed at the same revision of the belief are skipped. The scope holds the base: concurrent
     scopes take turns, and a nested scope may move the base, which is moved back afterwards. If something else moves it,
     the body is evaporated and runs again at the same pose, at most 10 times. After an action that must not be repeated
-    has begun (``perform(..., once=True)``), the body does not run again, and its failure is raised. ``recoveries``
-    handle failures of all this, as in ``with_failure_handling``; the base is released then, so that they may drive.
+    has begun (``perform(..., once=True)``), or once the body has let go of a thing outside a step with a goal, it does
+    not run again, and its failure is raised: what follows a delivery must not repeat it. ``recoveries`` handle failures
+    of all this, as in ``with_failure_handling``; the base is released then, so that they may drive.
 
     Raises ObjectUnreachable, or ObjectUndeliverable while an object is held and no other is to be grasped. Its cause is
     the last failure of the body, LocationUnresolvable if no pose was found at all, or MissingCapability if the robot
@@ -175,6 +176,7 @@ class _Visit:
         if outer is not None:
             outer.displaced = outer.displaced or self.moved
             outer.is_last = outer.is_last or self.pose.is_last
+            outer.delivered += self.pose.delivered
 
     async def run(self, body: Branch, attempts: int) -> Any:
         """Run the body at one base pose after another."""
@@ -198,7 +200,7 @@ class _Visit:
             try:
                 return await self._visit(solution, body)
             except PlanFailure as failure:
-                if self.pose.is_last or not matches(failure, CURABLE):
+                if self.pose.is_last or self.pose.delivered or not matches(failure, CURABLE):
                     raise
                 last = failure
                 self.pose.again(failure)

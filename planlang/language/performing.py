@@ -42,15 +42,17 @@ class HeldPose:
     Invariant: ``displaced`` iff a nested scope has moved the base and left it elsewhere.
 
     ``failure`` is the reason why the body runs again, None on its first run. ``is_last`` is set when an action begins
-    that must not be repeated: the body does not run again then.
+    that must not be repeated: the body does not run again then. Nor does it once a thing was ``delivered``: let go of
+    by a step whose goal, if it has one, another run would not find reached.
     """
 
-    __slots__ = ("_go", "_released_earlier", "_released_now", "displaced", "failure", "is_last")
+    __slots__ = ("_go", "_released_earlier", "_released_now", "delivered", "displaced", "failure", "is_last")
 
     def __init__(self, go: Callable[[], Awaitable[None]]) -> None:
         self._go = go
         self._released_earlier: set[Action] = set()
         self._released_now: set[Action] = set()
+        self.delivered: tuple[str, ...] = ()
         self.displaced = False
         self.failure: PlanFailure | None = None
         self.is_last = False
@@ -71,9 +73,11 @@ class HeldPose:
         refused.__cause__ = self.failure
         return refused
 
-    def released(self, action: Action) -> None:
-        """Register an action that has opened a hand in this run of the body."""
+    def released(self, action: Action, what: object) -> None:
+        """Register an action of this run of the body that has opened a hand, and the name of what was in it, if any."""
         self._released_now.add(action)
+        if isinstance(what, str):
+            self.delivered += (what,)
 
     async def establish(self) -> None:
         """Drive back to this pose."""
@@ -166,12 +170,22 @@ async def perform(
     path_element = name or action.name or local_name(action.type)
     step: Branch = partial(_performed, action, path_element, once, otherwise)
     if until is not None:
-        step = achieving(_PERFORM, "until", until, step)
+        step = achieving(_PERFORM, "until", until, partial(_repeatable, step))
     rules, result = tuple(recoveries_of(_PERFORM, recoveries)), None
     for _ in range(times):
         with performing(action, path_element, times=times):
             act = partial(recovering, step, rules)
             result = await (act() if once else _in_turn(act, has_goal=until is not None))
+    return result
+
+
+async def _repeatable(step: Branch) -> Any:
+    """Perform a step that has a goal: once that is reached, another run of the body around it skips the step."""
+    pose = held_pose.get()
+    earlier = () if pose is None else pose.delivered
+    result = await step()
+    if pose is not None:
+        pose.delivered = earlier
     return result
 
 
@@ -213,7 +227,7 @@ async def _performed(action: Action, path_element: str, once: bool, otherwise: B
         return await _without_module(action, path_element, partial(_fail, refused))
     result = await _Perform(path_element, action, module, resources).execute()
     if pose is not None and releases:
-        pose.released(action)
+        pose.released(action, None if _inside_module.get() else result)
     return result
 
 
