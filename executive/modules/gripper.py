@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 from executive.modules.platform import PlatformModule
 from executive.robots.arms import ArmModel
 from planlang.designators import (
@@ -18,6 +20,7 @@ from planlang.failures import (
     GripperFailure,
     GripperGoalNotReached,
     HandoverNotTaken,
+    ManipulationGoalNotReached,
     MissingCapability,
     ObjectLost,
 )
@@ -149,7 +152,11 @@ class Handover(PlatformModule):
         return person
 
     async def _draw_back(self, arm: ArmModel, name: str) -> None:
-        """Retreat straight from the object, if there is room: the arm's next motion might sweep into it otherwise."""
+        """Retreat straight from the object, if there is room: the arm's next motion might sweep into it otherwise.
+
+        The person has the object, however far the hand comes.
+        """
         path = self.platform.arms.drawn(arm, (far * self.back_of(arm) for far in DRAWN_BACK), name)
         if path is not None:
-            await self.platform.sensing.bump(await self.platform.follow(arm.name, path))
+            with suppress(ManipulationGoalNotReached):
+                await self.platform.sensing.bump(await self.platform.follow(arm.name, path))

@@ -27,6 +27,11 @@ def test_a_drink_is_served_though_something_goes_wrong(fault: str) -> None:
     assert "bottle1: held by patient1" in run.final_state
 
 
+def test_a_drink_is_served_though_the_hand_does_not_draw_back_from_it() -> None:
+    run = planlang.simulate("serve_a_drink", seed=3, fault="arm:stalls@7")
+    assert (happened(run), run.message) == (["arm:stalls"], "done")
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("fault", ["door:stuck", "door:stops", "door:falls_shut"])
 def test_a_bottle_is_fetched_from_a_cupboard_though_its_door_goes_wrong(fault: str) -> None:

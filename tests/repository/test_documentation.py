@@ -33,6 +33,7 @@ LONG = (
             "compiling",
             "cooking",
             "debugging_a_failed_run",
+            "faults",
             "knowledge",
             "library_use",
             "modules",

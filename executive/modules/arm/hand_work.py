@@ -144,7 +144,7 @@ class HandWork(PlatformModule):
         # The part may have turned since the approach; the retreat turns with the hand.
         back = rotated(tip[:3, :3] @ poses[0][:3, :3].T, poses[0][:3, 3] - poses[1][:3, 3])
         path = platform.arms.drawn(arm, (share * back for share in SHARES), what)
-        with suppress(ManipulationGoalInCollision):
+        with suppress(ManipulationGoalInCollision, ManipulationGoalNotReached):
             if path is not None:
                 await self.follow_to_end(arm.name, path, what)
         with suppress(NavigationFailure):

@@ -54,6 +54,19 @@ def test_the_table_tells_how_long_the_plans_took_and_how_to_repeat_failures() ->
     assert table([]).startswith("0 worlds\n")
 
 
+def test_the_table_says_how_many_faults_happened_in_a_run_and_of_those_that_were_stated() -> None:
+    fired = {"time": 1.0, "fault": "arm.left:stalls", "kind": "arm:stalls", "opportunity": 3}
+    told = [
+        {"fired": [fired, fired], "never": [], "stated": 1, "opportunities": 20},
+        {"fired": [], "never": ["arm:stalls@1"], "stated": 1, "opportunities": 9},
+    ]
+    rows = [row(world, "done", message="done", faults=one) for world, one in enumerate(told, start=1)]
+    assert "1.00 faults a run, at 14.5 opportunities; of 2 that were stated, 1 happened\n" in table(rows) + "\n"
+    drawn = [{**one, "faults": {**one["faults"], "stated": 0, "never": []}} for one in rows]
+    assert "1.00 faults a run, at 14.5 opportunities\n" in table(drawn) + "\n"
+    assert "opportunities" not in table(ROWS)
+
+
 def test_rows_as_csv_have_a_column_for_each_key() -> None:
     read = list(csv.DictReader(io.StringIO(csv_text([*ROWS, {"world": 7, "tilts": {"cup": 1.0}}]))))
     assert [one["world"] for one in read] == list("1234567")
