@@ -53,6 +53,10 @@ OUTPUTS = {
     "sweep --junit": f"sweep {IN_ROOM} --worlds 1 --junit {{}}",
     "sweep-merge --output": "sweep-merge sweep.jsonl --out {}",
     "sweep-merge --csv": "sweep-merge sweep.jsonl --out merged.jsonl --csv {}",
+    "sweep-merge --parquet": "sweep-merge sweep.jsonl --out merged.jsonl --parquet {}",
+    "sweep-merge --plot": "sweep-merge sweep.jsonl --out merged.jsonl --plot {}.png",
+    "sweep-merge --report": "sweep-merge sweep.jsonl --out merged.jsonl --report {}",
+    "sweep-merge --junit": "sweep-merge sweep.jsonl --out merged.jsonl --junit {}",
     "sweep-table --csv": "sweep-table sweep.jsonl --csv {}",
     "sweep-table --parquet": "sweep-table sweep.jsonl --parquet {}",
     "sweep-table --plot": "sweep-table sweep.jsonl --plot {}.png",
@@ -113,6 +117,7 @@ INPUTS = {
 }
 ELSEWHERE = {
     *("enable --folder", "enable --trace", "sweep --reports", "pull --output", "serve --access-log"),
+    *("sweep --faults", "compare --faults", "report --faults", "why --faults"),
     *("delete --key-file", "rate --key-file", "watch --key-file", "push --key-file", "enable --modules"),
     *(f"compare --{name}" for name in ("output", "csv", "parquet", "plot", "report", "junit", "reports")),
     *(

@@ -53,7 +53,8 @@ def rest() -> RunResult:
 def test_a_run_has_what_users_ask_for(rest: RunResult) -> None:
     assert (rest.succeeded, rest.outcome.value, rest.failure, rest.duration) == (True, "done", None, 2.5)
     assert rest.row == {
-        "seed": 4, "outcome": "done", "succeeded": True, "duration": 2.5, "failure": None, "reason": None
+        "seed": 4, "outcome": "done", "succeeded": True, "claimed": True, "reached": True, "duration": 2.5,
+        "failure": None, "reason": None,
     }  # fmt: skip
     assert rest.trace[0]["start"] == [0.0, 0.0, 0.5]
     assert "Nap" in str(planlang.TaskTree.of(rest.trace))

@@ -222,6 +222,8 @@ def test_every_recovery_is_complete_and_of_declared_strategies_and_failures(voca
     recoveries = vocabulary.individuals("Recovery")
     assert [shorten(name) for name in recoveries] == [
         "lookElsewhere",
+        "lookByMoving",
+        "lookFromFartherBack",
         "putDownFirst",
         "openFirst",
         "openFirstToPut",
@@ -234,6 +236,10 @@ def test_every_recovery_is_complete_and_of_declared_strategies_and_failures(voca
         "openAgain",
         "driveAgain",
         "offerAgain",
+        "offerFromFartherBack",
+        "turnAgain",
+        "pourTheRest",
+        "lookIntoTheVessel",
         "operateAgain",
     ]
     for recovery in recoveries:
