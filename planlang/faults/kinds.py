@@ -129,9 +129,9 @@ KINDS: Sequence[Kind] = (
     Kind("thing", "is_gone", Opportunity.BASE, "somebody takes a thing away for good",
          Sense.CAMERA, ("ObjectNotFound", "ObjectNowhereToBeFound", "GraspMissed"), recovers=False),
     Kind("device", "stays", Opportunity.SWITCHING, "the device does not switch, this time",
-         Sense.CAMERA, ("ContainerStuck",)),
+         Sense.CAMERA, ("DeviceUnresponsive",)),
     Kind("device", "is_dead", Opportunity.SWITCHING, "the device does not switch any more",
-         Sense.CAMERA, ("ContainerStuck",), recovers=False),
+         Sense.CAMERA, ("DeviceUnresponsive",), recovers=False),
     Kind("step", "fails", Opportunity.STEP, "the step, or the action of the class, that it names fails",
          Sense.STEP, (), value="FAILURE", recovers=False),
 )  # fmt: skip
