@@ -129,24 +129,43 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Detection:
-    """A recognised object: its name, its pose and the visible share of its pixels (0..1).
+    """What a camera recognises: a thing of a class at a pose, with what can be read off it, never which thing it is.
 
-    The pose of a door, drawer, lid or knob shows how far it is open or turned.
+    The pose of a door, drawer, lid or knob shows how far it is open or turned. Which of the things that it knows a
+    detection shows, the belief finds out: ``Belief.see``.
     """
 
-    name: str
+    type: str
+    """The recognised class, as the most specific one: local name or IRI."""
     pose: Pose
     visible: float
+    """Visible share of its pixels (0..1)."""
+    size: tuple[float, float, float]
+    """Extents along its own axes [m]."""
     state: str | None = None
     """State that a device shows by a lamp or display, such as DeviceStateOn; None for other objects."""
+    colour: str | None = None
+    """Word for its colour, if it has one that maps may state."""
+    label: str | None = None
+    """What a label or mark on it says."""
+    face_of: str | None = None
+    """Whose face it is: the mark of a person."""
+
+    @property
+    def name(self) -> str:
+        """Always raises AttributeError: a camera does not know names."""
+        raise AttributeError(
+            "a detection has no name: read its type, pose, size, label or colour; "
+            "platform.sensing.see() returns the names of the things that a picture shows, as they are believed"
+        )
 
 
 class RobotInterface(Protocol):
     """Commands and sensors of a robot: motions, grippers, camera, time; nothing that a real robot does not have.
 
-    Only the camera names things, those that it recognises. Hypothetical contacts, lines of sight and free space for the
-    base are computed in the planner's own world (``sim.PlanningWorld``). The link of a hand is the one whose frame is
-    the grip point.
+    Nothing in it names things, not even the camera: which of them it shows is believed. Hypothetical contacts, lines of
+    sight and free space for the base are computed in the planner's own world (``sim.PlanningWorld``). The link of a
+    hand is the one whose frame is the grip point.
     """
 
     rate: int
@@ -171,7 +190,7 @@ class RobotInterface(Protocol):
         """Stop the group where it is."""
 
     def detect(self, camera_link: str) -> tuple[Detection, ...]:
-        """Return the objects that the camera recognises within its limits, in the order of the scene."""
+        """Return what the camera recognises within its limits, sorted by class and position."""
 
     def scan(self, camera_link: str) -> tuple[Array, NDArray[Any]]:
         """Return the end points (n, 3) of rays through the camera's pixels, in the map, and whether each hit, (n,)."""

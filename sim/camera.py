@@ -42,14 +42,13 @@ class Camera:
     def __init__(self, client: int, bodies: Bodies) -> None:
         self.client, self.bodies = client, bodies
 
-    def detect(self, model: CameraModel, pose: Pose) -> tuple[Detection, ...]:
-        """Recognise objects with enough pixels in a segmentation picture taken at the pose of the camera's link.
+    def detect(self, model: CameraModel, pose: Pose) -> dict[str, Detection]:
+        """Recognise bodies with enough pixels in a segmentation picture taken at the pose of the camera's link.
 
-        The visible share is the number of pixels divided by the area of the unoccluded silhouette, which includes parts
-        beyond the border of the picture.
+        The names of the bodies stay in the simulator: a camera tells the detections. The visible share is the number of
+        pixels divided by the area of the unoccluded silhouette, which includes parts beyond the border of the picture.
         """
-        seen = self._segments(model, pose)
-        detections = []
+        seen, found = self._segments(model, pose), dict[str, Detection]()
         for name, count in seen.items():
             body = self.bodies.bodies[name]
             if body.shape in _UNSEEN or name in self.bodies.removed or count < LEAST_PIXELS:
@@ -58,9 +57,9 @@ class Camera:
             if not model.near <= place.distance(pose) <= model.far:
                 continue
             share = min(1.0, count / max(self._silhouette(name, model, pose), 1.0))
-            detections.append(Detection(name, place, round(share, 3)))
-        order = {name: k for k, name in enumerate(self.bodies.bodies)}
-        return tuple(sorted(detections, key=lambda detection: order[detection.name]))
+            marks = {"face_of": body.mark} if body.shape is BodyShape.PERSON else {"label": body.mark}
+            found[name] = Detection(body.type, place, round(share, 3), body.size, colour=body.colour, **marks)
+        return found
 
     def scan(self, model: CameraModel, pose: Pose) -> tuple[Array, NDArray[np.bool_]]:
         """Trace lines through the pixels: their ends (n, 3) in the map, and whether each is on a surface, (n,).

@@ -99,6 +99,10 @@ class Body:
     """Number of hands it takes to hold; it slips out of fewer."""
     largest_drop: float = 0.0
     """Greatest height from which things are dropped into it, above the bottom of its inside [m]; 0 for never."""
+    mark: str | None = None
+    """Label or mark by which it can be told from others of its class; of a person, by the face."""
+    colour: str | None = None
+    """Word for its colour, if the map states it: a camera reads it."""
     kinds: tuple[str, ...] = field(default=(), repr=False, compare=False)
     """Its class and superclasses by local names, nearest first: determines its looks."""
 

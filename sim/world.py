@@ -167,6 +167,11 @@ def _obstacle(contacts: Sequence[Contact], before: Mapping[tuple[str, str], floa
     return None
 
 
+def order(detection: Detection) -> tuple[object, ...]:
+    """Key by which detections are sorted, so that their order tells nothing of what is behind them."""
+    return detection.type, detection.pose.position
+
+
 STRAYED, TWISTED = 0.01, 0.1
 """Displacement of a hand from its grasp [m, rad] above which an object held by several hands slips off."""
 
@@ -429,13 +434,17 @@ class PyBulletWorld(KinematicScene):
         return self._contacts.touches(links)
 
     def detect(self, camera_link: str) -> tuple[Detection, ...]:
-        """List what the camera at a link recognises in its picture, in the order of the scene; devices by their state.
+        """List what the camera at a link recognises in its picture, sorted by class and pose; devices by their state.
 
         A device shows its state by a lamp or display that is visible wherever the device is.
         """
+        return tuple(sorted(self.shown(camera_link).values(), key=order))
+
+    def shown(self, camera_link: str) -> dict[str, Detection]:
+        """Body -> what the camera at a link recognises of it: the truth, which no robot has."""
         self._here()
         found = self._camera.detect(self._optics(), self.robot.link_pose(camera_link))
-        return tuple(replace(one, state=self._controls.shown(one.name)) for one in found)
+        return {name: replace(one, state=self._controls.shown(name)) for name, one in found.items()}
 
     def scan(self, camera_link: str) -> tuple[Array, NDArray[np.bool_]]:
         """Trace lines through the camera's pixels: ends (n, 3) in the map, and whether each is on a surface, (n,)."""

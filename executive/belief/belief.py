@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
 from executive.belief.known_things import KnownThings, ignore
-from executive.belief.memory import MOST_FAILURES, BasePose, Recognition, Source
+from executive.belief.memory import MOST_FAILURES, VISION, BasePose, Recognition, Source
 from executive.belief.obstacles import NAMES
 from executive.belief.snapshots import dump_belief, load_belief
 from executive.maps.classes import MapObject
 from planlang.changes import Change, Poured, Switched, TurnedOver
 from planlang.geometry import Pose
-from planlang.ontology import expand
+from planlang.ontology import expand, shorten
 from planlang.protocols import Configuration, Detection
-from planlang.state import Grip, Hold, WorldState
+from planlang.state import Grip, Hold, Made, WorldState
 from planlang.state.matter import OFF, without
 from sim import WorldMirror
 from sim.leaves import contents
@@ -30,31 +30,124 @@ RESTING = 0.02
 """Distance between the bottom of an object and the top of another up to which it stands on that [m]."""
 
 
+LEAST_NOTICED = 0.1
+"""Visible share from which on a thing that no map has is believed."""
+ShouldShow = Callable[[Collection[str]], Collection[str]]
+"""Selects the things that a picture would show."""
+
+
+def nothing(names: Collection[str]) -> Collection[str]:
+    """Expect nothing of a picture."""
+    return ()
+
+
 class Belief(KnownThings):
     """Believed poses of the objects of a map. Only sensing and acting change it."""
 
     # Updates
 
-    def see(self, detections: Iterable[Detection]) -> None:
-        """Move the recognised objects to the poses at which the camera detected them."""
-        for detection in detections:
-            if detection.name in self.memory.unknown:
-                self._find_out(detection.name)
-            if detection.name in self._poses and detection.name not in self.state.carried():
-                seen = self.memory.learned((detection.name,), Source.SEEN)
-                self.memory = replace(seen, in_vain=without(seen.in_vain, detection.name))
-                self._put(detection.name, detection.pose, "seen")
-                self._read(detection)
+    def see(
+        self,
+        detections: Iterable[Detection],
+        should_show: ShouldShow = nothing,
+        in_hands: Mapping[str, Pose] = MappingProxyType({}),
+    ) -> dict[str, Detection]:
+        """Take over what the camera recognises; return the things that it is taken for, in the order of the map.
 
-    def _read(self, detection: Detection) -> None:
+        A thing moves to where it is seen. What can be no known thing becomes a new one. ``should_show`` selects of some
+        things those that the picture would show if they were where they are believed to be; ``in_hands`` has the poses
+        of what hands carry.
+        """
+        visible = [one for one in detections if self.memory.recognition.runs(VISION)]
+        names = self._associator.names(visible, in_hands)
+        doubted = [name for name in self._rivals(visible, names) if name not in self.memory.uncertain]
+        if doubted and (missing := sorted(should_show(doubted))):
+            self.memory = replace(self.memory, uncertain=self.memory.uncertain.union(missing))
+            for name in missing:
+                self._changed("not where expected", name=name)
+            names = self._associator.names(visible, in_hands)
+        found = dict[str, Detection]()
+        for detection, shown in zip(visible, names, strict=True):
+            if shown is None and self._is_noticed(detection):
+                found[self._notice(detection)] = detection
+            elif shown is not None and self.recognises(shown):
+                found[shown] = detection
+        order = {name: number for number, name in enumerate(self.memory.first)}
+        found = {name: found[name] for name in sorted(found, key=lambda name: order[name])}
+        for name, detection in found.items():
+            self._sees(name, detection)
+        self._recognise_noticed(found)
+        return found
+
+    def _sees(self, name: str, detection: Detection) -> None:
+        if name in self.memory.unknown:
+            self._find_out(name)
+        if name in self._poses and name not in self.state.carried():
+            seen = self.memory.learned((name,), Source.SEEN)
+            self.memory = replace(seen, in_vain=without(seen.in_vain, name))
+            self._put(name, detection.pose, "seen")
+            self._read(name, detection)
+
+    def corrected(self, name: str, pose: Pose) -> None:
+        """Record where a thing must be that the camera has shown, as other sensors tell."""
+        self._put(name, pose, "seen")
+
+    def _rivals(self, detections: Sequence[Detection], names: Sequence[str | None]) -> list[str]:
+        """List things that unexplained detections, or those of things that no map has, might show instead.
+
+        Only of things that are where the robot knows no better.
+        """
+        strange = (one for one, name in zip(detections, names, strict=True) if name is None or self.is_noticed(name))
+        fitting = (name for one in strange for name in self._associator.fitting(one))
+        elsewhere = {*names, *self.state.away, *self.state.carried(), *self.memory.unknown, *self._moving}
+        return [one for one in dict.fromkeys(fitting) if one in self._poses and one not in elsewhere]
+
+    def is_noticed(self, name: str) -> bool:
+        """Check whether a thing is one that no map has, and that the camera has shown."""
+        return "#" in name and name in self.memory.made
+
+    def _is_noticed(self, detection: Detection) -> bool:
+        """Check whether a detection that can be no known thing makes one known: of its class, or of a superclass."""
+        is_known = self.memory.recognition.may_recognise([expand(detection.type)])
+        return (
+            bool(detection.type)
+            and is_known
+            and detection.visible >= LEAST_NOTICED
+            and not self._associator.is_part(detection)
+        )
+
+    def _notice(self, detection: Detection) -> str:
+        """Believe a thing that no map has where a detection shows it, and name it."""
+        name = self._associator.new_name(detection.type)
+        types = self.known_types(expand(detection.type))
+        thing = MapObject(self.new_iri(name.replace("#", "_")), name, types, None, detection.size)
+        made = Made(shorten(detection.type), detection.size, detection.pose)
+        self.memory = self.memory.created(thing, detection.pose)
+        self._become(made={**self.state.made, name: made}, poses={**self._poses, name: detection.pose})
+        self._changed("noticed", name=name, pose=detection.pose)
+        return name
+
+    def _recognise_noticed(self, found: Mapping[str, Detection]) -> None:
+        """Take things that no map has, and that this picture shows, for those of the map that are at no known place."""
+        for name in [one for one in found if self.is_noticed(one)]:
+            lost = (one for one in self._associator.fitting(found[name]) if one not in found)
+            meant = next((one for one in lost if one in self.memory.unknown or one in self.memory.uncertain), None)
+            if meant is None:
+                continue
+            self.memory = self.memory.destroyed(name)
+            self._become(poses=without(self._poses, name))
+            self._changed("recognised", name=meant, instead_of=name)
+            self._sees(meant, found[name])
+
+    def _read(self, name: str, detection: Detection) -> None:
         """Take over the state that a seen leaf or device shows."""
-        if detection.name in self._moving:
-            self.memory = self.memory.witnesses(self._moving[detection.name])
+        if name in self._moving:
+            self.memory = self.memory.witnesses(self._moving[name])
         if detection.state is not None:
-            self.memory = self.memory.witnesses(detection.name)
-            if self.state.matter.states.get(detection.name, OFF) != detection.state:
-                self._become(matter=self.state.matter.switched(detection.name, detection.state))
-                self._changed("seen", name=detection.name, state=detection.state)
+            self.memory = self.memory.witnesses(name)
+            if self.state.matter.states.get(name, OFF) != detection.state:
+                self._become(matter=self.state.matter.switched(name, detection.state))
+                self._changed("seen", name=name, state=detection.state)
 
     def touched(self, leaf: str, value: float) -> None:
         """Record the position of a leaf's joint that a hand feels at its handle [rad, m]."""

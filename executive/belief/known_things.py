@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from executive.belief.association import Associator, Features
 from executive.belief.meanings import Choice
 from executive.belief.memory import VISION, BasePose, Knowledge, Memory, Recognition, Source
 from executive.belief.obstacles import NAMES
@@ -79,6 +80,7 @@ class KnownThings:
         self.devices = frozenset(control.device for control in world.scene.controls)
         """Devices with a button or a knob."""
         self._moving = {name: leaf for leaf, joint in self.joints.items() for name in joint.bodies}
+        self._associator = Associator(self, world.scene.bodies, world.scene.movers)
         self._boxes = {body.name: body.size for body in world.scene.bodies if body.movable or body.name in self.joints}
 
     # Queries
@@ -170,7 +172,8 @@ class KnownThings:
 
     def remembers(self, name: str) -> bool:
         """Check whether an object has been seen, from anywhere, without being touched or moved since."""
-        return self.knowledge(name).source in (Source.SEEN, Source.TOLD) and name not in self.memory.in_vain
+        is_doubtful = name in self.memory.in_vain or name in self.memory.uncertain
+        return self.knowledge(name).source in (Source.SEEN, Source.TOLD) and not is_doubtful
 
     def by_map_alone(self, name: str) -> bool:
         """Check whether an object is believed at its pose of the map, without ever having been seen."""
@@ -318,6 +321,10 @@ class KnownThings:
     def _is_kind(self, one: str, cls: str) -> bool:
         """Check whether a class is a subclass of ``cls``; classes unknown to the map's ontology compare by name."""
         return is_kind(self.map.ontology, one, cls)
+
+    def features(self, name: str) -> Features:
+        """Look up what a camera may tell a thing by."""
+        return self._associator.features(name)
 
     def recognises(self, name: str) -> bool:
         """Check whether an object would be recognised in an image.

@@ -121,6 +121,8 @@ class Memory:
     """Leaves and devices whose state the robot has seen or felt, or set itself, since it could have changed."""
     in_vain: Mapping[str, tuple[BasePose, ...]] = field(default_factory=dict)
     """Object -> base poses from which it was looked for and not seen, since it was last seen."""
+    uncertain: frozenset[str] = frozenset()
+    """Objects that should have been seen at their place and were not, so that they may be elsewhere."""
     bound: Mapping[Object, str] = field(default_factory=dict)
     """Designator -> object that it stands for as long as that exists; if by class, in the latest performance."""
     meanings: Mapping[Object, tuple[Meaning, ...]] = field(default_factory=dict)
@@ -158,17 +160,19 @@ class Memory:
         Nor what designators are bound to, as a question binds those that it names.
         """
         sources = {name: (known.source, known.moves == self.moves) for name, known in self.known.items()}
-        return sources, self.in_vain, self.unknown, self.given_up, self.grasp, self.neck_given_up
+        return sources, self.in_vain, self.unknown, self.given_up, self.grasp, self.neck_given_up, self.uncertain
 
     def learned(self, names: Iterable[str], source: Source) -> Memory:
         """Know the poses of objects from a source, from now on."""
-        return replace(self, known={**self.known, **dict.fromkeys(names, Knowledge(source, self.time, self.moves))})
+        known = dict.fromkeys(names, Knowledge(source, self.time, self.moves))
+        return replace(self, known={**self.known, **known}, uncertain=self.uncertain - known.keys())
 
     def without_place(self, name: str) -> Memory:
         """Forget where an object was; its designators may be bound to others."""
         bound = {what: meant for what, meant in self.bound.items() if meant != name}
         others = {what: tuple(one for one in had if one.name != name) for what, had in self.meanings.items()}
-        return replace(self, known=without(self.known, name), bound=bound, meanings=others)
+        rest = self.uncertain - {name}
+        return replace(self, known=without(self.known, name), bound=bound, meanings=others, uncertain=rest)
 
     def meant_in(self, what: Object, occasion: str, step: str) -> Meaning | None:
         """Look up what a designator by class means in a performance; None if no attempt at it has needed it yet."""

@@ -57,6 +57,7 @@ def _beliefs(state: WorldState, memory: Memory) -> dict[str, Any]:
         "failing": dict(memory.failing),
         "neck": memory.neck,
         **({} if memory.grasp is None else {"grasp": memory.grasp}),
+        "uncertain": sorted(memory.uncertain),
         "witnessed": sorted(memory.witnessed),
         "known": {name: [one.source.value, one.time, one.moves] for name, one in memory.known.items()},
         "moves": memory.moves,
@@ -111,6 +112,7 @@ def _load(
         failing={str(arm): int(times) for arm, times in left["failing"].items()},
         neck=int(left.get("neck", 0)),
         grasp=left.get("grasp"),
+        uncertain=frozenset(map(str, left["uncertain"])),
         refused={str(name): tuple(map(_pose, offsets)) for name, offsets in left["refused"].items()},
     )
     for name, iri, types, size, pose in left["made"]:

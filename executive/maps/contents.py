@@ -21,7 +21,7 @@ from planlang.effects import effects_of, heat_effects, number_of_class, number_o
 from planlang.geometry.areas import Block
 from planlang.geometry.shapes import Size
 from planlang.measures import length, lengths, stated
-from planlang.ontology import Ontology, expand, shorten
+from planlang.ontology import Literal, Ontology, expand, shorten
 from planlang.state.matter import KG_PER_ML, ON, Heating, Portion, Rules
 from sim import Body
 from sim.movers import Mover
@@ -136,6 +136,9 @@ def _with_content(body: Body, portions: Sequence[Portion], types: tuple[str, ...
         masses = (numbers.of_thing(body.iri, name) for name in MASS)
         mass = next((mass for mass in masses if mass is not None), None)
         body = replace(body, mass=(numbers.of_classes(types, "massOfObject") or 0.0) if mass is None else mass)
+    mark, colour = (_text(ontology, body.iri, name) for name in ("markOfObject", "colourOfObject"))
+    if mark is not None or colour is not None:
+        body = replace(body, mark=mark, colour=colour)
     states = [shorten(one) for one in ontology.iris(body.iri, "stateOfObject")]
     if not (capacity or blade or states or portions):
         return body
@@ -145,6 +148,12 @@ def _with_content(body: Body, portions: Sequence[Portion], types: tuple[str, ...
         body = replace(body, mass=max(0.0, body.mass - portions[0].amount * KG_PER_ML))  # it is its own content
     room = max(capacity or 0.0, sum(portion.amount for portion in portions))
     return replace(body, content=tuple(portions), capacity=room, is_on=ON in states, blade=min(blade, max(body.size)))
+
+
+def _text(ontology: Ontology, iri: str, name: str) -> str | None:
+    """Read a text that an object states; None for an empty one, or without any."""
+    values = (one.value.strip() for one in ontology.values(iri, expand(name)) if isinstance(one, Literal))
+    return next(filter(None, values), None)
 
 
 SPEED = 0.3

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import suppress
 from copy import copy
 from dataclasses import field, replace
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from executive.belief import Belief
 from executive.belief.believed_bodies import MEANT
 from executive.belief.obstacles import EDGE, NAMES, behind
-from executive.belief.planning_scene import PlanningScene
+from executive.belief.planning_scene import SEEN_SHARE, PlanningScene
 from executive.belief.scene_collisions import BasePose, pinched
 from executive.locations.views import NO_SCREENS, hiding
 from executive.modules.flowing import Flowing
@@ -284,13 +284,19 @@ class Sensing:
         camera, belief = self._control.robot.camera, self._control.belief
         if camera is None:
             return tuple(name for name in self._control.scene.world.names() if belief.seen_from_here(name))
-        visible = self._control.world.detect(camera.link)
-        detections = [one for one in visible if belief.recognises(one.name)]
-        belief.see(detections)
-        if corrected := out_of_arms(detections, self._control.scene):
-            belief.see(corrected)
+        pose_of = self._control.scene.world.pose
+        in_hands = {name: pose_of(name) for name in sorted(belief.state.carried())}
+        seen = belief.see(self._control.world.detect(camera.link), self._should_show, in_hands)
+        for name, pose in out_of_arms(seen, self._control.scene).items():
+            belief.corrected(name, pose)
         self._explain()
-        return tuple(detection.name for detection in detections)
+        return tuple(seen)
+
+    def _should_show(self, names: Collection[str]) -> list[str]:
+        """Select the things that the camera would show now if they were where they are believed to be."""
+        self._control.observe()
+        world = self._control.scene.world
+        return [name for name in names if world.sight(name)[0] >= SEEN_SHARE]
 
     def scan(self) -> None:
         """Take a depth image and mark the free space that it shows."""

@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from executive.belief.planning_scene import PlanningScene
 from planlang.geometry import Pose
-from planlang.protocols import Detection
 
 STEP, STEPS, HEADINGS = 0.005, 10, 16
 """Step [m], steps and directions by which to shift an object: cameras err by a few centimetres."""
 
 
-def out_of_arms(detections: Iterable[Detection], scene: PlanningScene) -> list[Detection]:
-    """Find detected objects that overlap an arm, each moved to the nearest free pose at its height.
+def out_of_arms(seen: Iterable[str], scene: PlanningScene) -> dict[str, Pose]:
+    """Find seen objects that overlap an arm, each with the nearest free pose at its height.
 
     Graspable objects only, without held ones; those that penetrate too deeply to be moved out are left out.
     """
     overlapping = frozenset(_in_arms(scene))
-    inside = [one for one in detections if one.name in overlapping and scene.bodies.is_graspable(one.name)]
-    shifted = ((one, _beside(one.name, scene)) for one in inside if not scene.bodies.is_held(one.name))
-    return [replace(one, pose=pose) for one, pose in shifted if pose is not None]
+    inside = [one for one in seen if one in overlapping and scene.bodies.is_graspable(one)]
+    shifted = {one: _beside(one, scene) for one in inside if not scene.bodies.is_held(one)}
+    return {name: pose for name, pose in shifted.items() if pose is not None}
 
 
 def _in_arms(scene: PlanningScene) -> Iterator[str]:

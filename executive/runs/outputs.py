@@ -31,13 +31,13 @@ from planlang.failures import PlanFailure
 from planlang.outputs import replace as write_complete
 from planlang.report import Context
 from planlang.report.wording import Wording
-from sim.truth import Truth
+from sim import PyBulletWorld
 
 
 class Outputs(Written):
     """Output files and live displays that the options of a run ask for."""
 
-    def __init__(self, files: RunFiles, platform: Platform, tilts: Tilts, truth: Truth) -> None:
+    def __init__(self, files: RunFiles, platform: Platform, tilts: Tilts, truth: PyBulletWorld) -> None:
         """Collect nothing yet: :meth:`ask` adds the files."""
         super().__init__(files, tilts, truth)
         self._inputs, self._platform, self._belief = files, platform, platform.belief
@@ -154,16 +154,16 @@ class Outputs(Written):
         """Write a picture of the plan's bodies, and of those that its failure names, such as obstacles."""
         named = () if self._failure is None else names_in(self._failure)
         always = [name for name in dict.fromkeys(named) if name in self._truth.names()]
-        names = tuple(bodies_of(bound, self._belief, self._truth))
+        names = tuple(bodies_of(bound, self._platform, self._truth))
         save_picture(path, self._truth, names, self._options.view, always, title, self._caption(names))
 
     def _save_video(self, bound: Mapping[str, Bound], video: Video, path: Path) -> None:
-        names = tuple(bodies_of(bound, self._belief, self._truth))
+        names = tuple(bodies_of(bound, self._platform, self._truth))
         video.save(path, names, self._caption(names), self._options.long_work)
 
     def _caption(self, names: Sequence[str]) -> tuple[str, ...]:
         assert self._ending is not None
-        held = still_held(self._platform) if self._failure is not None else {}
+        held = still_held(self._platform, self._truth) if self._failure is not None else {}
         return self._ending(*self._ended, state_lines(self._truth, names, held))
 
 

@@ -23,6 +23,7 @@ from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of
 from executive.runs.failure import Failure, line_of_user
 from executive.runs.files import RecipeFile
+from executive.runs.identity import TrueEffects
 from executive.runs.judging import contradicted, goals_of, in_a_line, phrases_of
 from executive.runs.options import EndedRun, Outcome, RunOptions, RunResult, Tilts, state_lines
 from executive.runs.parameters import (
@@ -205,7 +206,7 @@ class Run:
             found += able_robots(self.files, lambda one: not self._assessment(subject, one).missing)
         options.announce(found)
         platform, truth = self._assemble(subject, robot, given, held)
-        executive = RobotExecutive(platform, self._modules, truth)
+        executive = RobotExecutive(platform, self._modules, TrueEffects.of(truth, platform.scene))
         if not isinstance(earlier, Past):  # skipped steps may have destroyed the thing of a parameter
             self._check_things(subject, executive)
         if self._lacks(assessment):  # after the map: another robot would not help
@@ -428,10 +429,10 @@ class Run:
                 message = contradicted(self._verdicts) or message
             written.save(outcome.value, message, failed, ended)
         platform = executive.platform
-        held = still_held(platform) if outcome is not Outcome.DONE else {}
+        held = still_held(platform, truth) if outcome is not Outcome.DONE else {}
         options.announce(unfulfilled := self._world.ended(outcome.value, () if failure is None else failure.types))
         self.found += unfulfilled
-        state = tuple(state_lines(truth, bodies_of(bound, platform.belief, truth), held))
+        state = tuple(state_lines(truth, bodies_of(bound, platform, truth), held))
         return RunResult(
             outcome,
             message,

@@ -7,6 +7,7 @@ from contextlib import ExitStack, suppress
 from typing import TYPE_CHECKING, Any
 
 from executive.robots.arms import called
+from executive.runs.identity import Identities
 from executive.runs.options import Tilts
 from executive.runs.parameters import Bound, things_of
 from executive.runs.prepared import RunFiles
@@ -18,7 +19,6 @@ from sim import PyBulletWorld
 from sim.truth import Truth
 
 if TYPE_CHECKING:
-    from executive.belief import Belief
     from executive.modules.platform import Platform
 
 
@@ -32,7 +32,7 @@ class Written:
     :class:`executive.runs.outputs.Outputs` writes files, too.
     """
 
-    def __init__(self, files: RunFiles, tilts: Tilts, truth: Truth) -> None:
+    def __init__(self, files: RunFiles, tilts: Tilts, truth: PyBulletWorld) -> None:
         """Report progress and measure tilts."""
         self._options, self._truth = files.options, truth
         self._is_new = False
@@ -122,19 +122,20 @@ def _around(node: Node) -> Iterator[Node]:
         yield node
 
 
-def bodies_of(bound: Mapping[str, Bound], belief: Belief, truth: Truth) -> Iterator[str]:
-    """Yield the bodies of the plan's parameters that exist, all that one by class has meant, and what is in a hand."""
+def bodies_of(bound: Mapping[str, Bound], platform: Platform, truth: PyBulletWorld) -> Iterator[str]:
+    """Yield the true bodies of the plan's parameters, all that one by class has meant, and what is in a hand."""
+    belief, identities = platform.belief, Identities(truth, platform.scene)
     for what in (one for value in bound.values() for one in things_of(value)):
         names = [one.name for one in belief.memory.meanings.get(what, ())]
         with suppress(PlanFailure):
             names = names or [belief.bind(what, truth.configuration().base)]
-        yield from (name for name in names if name in truth.names())
+        yield from (name for name in map(identities.of, names) if name in truth.names())
     yield from truth.attached()
 
 
-def still_held(platform: Platform) -> dict[str, str]:
+def still_held(platform: Platform, truth: PyBulletWorld) -> dict[str, str]:
     """Say for each thing that the robot holds where a plan has failed in which of several hands it still is."""
-    arms = platform.robot.arms
+    arms, identities = platform.robot.arms, Identities(truth, platform.scene)
     sides = {arm.name: f"in the {arm.side} hand" if arm.side else f"by {called(arm.name)}" for arm in arms}
     held = platform.belief.held.items() if len(arms) > 1 else ()
-    return {name: sides[grip.arm] if len(grip.arms) == 1 else "in both hands" for name, grip in held}
+    return {identities.of(name): sides[grip.arm] if len(grip.arms) == 1 else "in both hands" for name, grip in held}

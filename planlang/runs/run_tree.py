@@ -247,6 +247,7 @@ _CHANGES = {
     "let go": "released",
     "not there": "not where it was believed to be",
     "not seen": "not seen from here",
+    "noticed": "noticed, which is not in the map",
 }
 """Words for changes of the belief, if they differ from those in the trace."""
 

@@ -64,7 +64,7 @@ class FaultyRobot:
 
     def detect(self, camera_link: str) -> tuple[Detection, ...]:
         """Return what the camera recognises."""
-        return self._looks.seen(camera_link, self._truth.detect(camera_link))
+        return self._looks.seen(camera_link, self._truth.shown(camera_link))
 
     def scan(self, camera_link: str) -> tuple[Array, NDArray[Any]]:
         """Return the depth image."""

@@ -29,6 +29,8 @@ NEAR = 0.08
 """Distance from the tip within which fingers that close meet the bottle [m]."""
 PULLS = 1.0
 """Distance from the patient within which the patient pulls at what is offered [m]."""
+SIZES = {"Patient": (1.5, 0.5, 0.75), "DrinkingBottle": (0.065, 0.065, 0.2)}
+"""Class -> extents of the thing of the map [m]."""
 LEAST = 0.35
 """Position of a finger at which it meets the bottle [rad]."""
 
@@ -96,9 +98,9 @@ class MemoryRobot:
 
     def detect(self, camera_link: str) -> tuple[Detection, ...]:
         """The bottle and the patient, as if it saw all around."""
-        found = [Detection("patient1", self.patient, 1.0)]
+        found = [Detection("Patient", self.patient, 1.0, SIZES["Patient"])]
         if self.holding is None and not self.given:
-            found.append(Detection("bottle1", self.bottle, 1.0))
+            found.append(Detection("DrinkingBottle", self.bottle, 1.0, SIZES["DrinkingBottle"]))
         return tuple(found)
 
     def scan(self, camera_link: str) -> tuple[Array, Any]:

@@ -12,9 +12,10 @@ from planlang import at_location, perform
 from planlang.designators import a_location, action
 from planlang.failures import ObjectNotFound
 from planlang.geometry import Pose
-from planlang.protocols import Detection, Solution
+from planlang.protocols import Solution
 from sim import Body
 from tests.executive.conftest import BOTTLE, THE_BOTTLE, MakeStage, Stage
+from tests.support.detections import recognise
 
 BEFORE, GRASPED = a_location(in_front_of=THE_BOTTLE), a_location(in_center_of=THE_BOTTLE)
 HEIGHT = 0.3
@@ -66,7 +67,7 @@ def test_a_bottle_that_stands_elsewhere_in_truth_is_grasped_where_it_was_seen(ma
 
 @pytest.mark.long
 def test_what_was_seen_is_not_looked_at_again_until_it_was_touched(low: Stage) -> None:
-    low.belief.see([Detection("bottle", low.belief.pose("bottle"), 1.0)])
+    recognise(low.belief, "bottle", low.belief.pose("bottle"), 1.0)
     low.belief.base_moved()
     assert low.belief.remembers("bottle")
     assert not first_of(low).before
@@ -87,7 +88,7 @@ def test_a_hand_is_where_the_bottle_is_although_it_is_looked_at_from_elsewhere_b
     solution = first_of(low)
     assert classes(solution.before) == ["Translation-LocationChange", "LookingForSomething"]
     assert low.resolver.satisfies(a_location(in_reach_of=THE_BOTTLE), solution.base) is None, "it was never seen"
-    low.belief.see([Detection("bottle", low.belief.pose("bottle"), 1.0)])
+    recognise(low.belief, "bottle", low.belief.pose("bottle"), 1.0)
     assert low.resolver.satisfies(a_location(in_reach_of=THE_BOTTLE), solution.base) is not None
 
 

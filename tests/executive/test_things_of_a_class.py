@@ -19,10 +19,10 @@ from planlang.failures import GraspMissed, ObjectUnresolvable, PlanFailure
 from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.language.recovery import Recovery
-from planlang.protocols import Detection
 from sim import Body
 from sim.scene import BodyShape
 from tests.executive.conftest import PLACE, MakeStage, Stage
+from tests.support.detections import put
 
 ANY_CUP = Path(__file__).with_name("any_cup")
 CUP, BOTTLE, PLATE = an_object("Cup"), an_object("DrinkingBottle"), an_object("DinnerPlate")
@@ -75,7 +75,7 @@ class Hands:
         if isinstance(where, Object):
             x, y, _ = bodies.pose(bodies.bind(where)).position
             y = bodies.pose(name).position[1] if abs(y) < 1e-9 else y
-            self.platform.belief.see([Detection(name, Pose((x, y, TOP)), 1.0)])
+            put(self.platform.belief, name, Pose((x, y, TOP)))
         return name
 
 
@@ -145,7 +145,7 @@ def test_two_steps_that_want_the_same_take_two_cups(room: Room, together: bool) 
 
     stage.run(partial(par, *steps) if together else in_turn)
     assert sorted(name for _, name in hands.did) == ["cup1", "cup2"]
-    assert sorted(bodies_of({"cup": CUP, "table": HERE}, stage.belief, stage.truth)) == ["cup1", "cup2", "here"]
+    assert sorted(bodies_of({"cup": CUP, "table": HERE}, stage.platform, stage.truth)) == ["cup1", "cup2", "here"]
 
 
 def test_different_steps_in_a_row_mean_the_same_cup_in_every_round(room: Room) -> None:

@@ -24,10 +24,11 @@ from planlang import now, perform, pursue, sleep, wait_for
 from planlang.designators import Location, a_device, a_location, a_person, a_posture, action, an_object, located
 from planlang.geometry import Pose
 from planlang.language.conditions import holds
-from planlang.protocols import Detection, Solution
+from planlang.protocols import Solution
 from sim import Body, Scene
 from tests.executive.conftest import BUNDLED, THE_BOTTLE, WARD, MakeStage, Stage, stand
 from tests.executive.modules.test_navigation import to
+from tests.support.detections import recognise
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 STILL_HELD = "bottle1: still held by robot, in the right hand"
@@ -248,7 +249,7 @@ def test_a_thing_that_is_seen_elsewhere_is_no_longer_where_it_was(ward: Stage) -
 
     async def perceive() -> None:
         await sleep(1.5)
-        ward.belief.see([Detection("bottle", Pose((1.5, 3.0, 0.1)), 1.0)])
+        recognise(ward.belief, "bottle", Pose((1.5, 3.0, 0.1)), 1.0)
         await sleep(9)
 
     ward.run(plan)

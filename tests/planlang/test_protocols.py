@@ -92,7 +92,7 @@ def test_a_pose_made_from_numpy_is_of_plain_floats_that_json_can_write(pose: Pos
         (Configuration((0.0, 0.0, 0.0), {}), "base"),
         (Contact("hand", "bed", 0.01), "depth"),
         (Motion("done"), "state"),
-        (Detection("bottle", Pose((0.0, 0.0, 0.0)), 1.0), "visible"),
+        (Detection("Bottle", Pose((0.0, 0.0, 0.0)), 1.0, (0.06, 0.06, 0.2)), "visible"),
     ],
     ids=lambda value: type(value).__name__,
 )

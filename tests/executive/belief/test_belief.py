@@ -20,9 +20,10 @@ from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.ontology import load
-from planlang.protocols import Configuration, Detection
+from planlang.protocols import Configuration
 from planlang.state import Grip, Made
 from sim import PlanningWorld, WorldMirror
+from tests.support.detections import detected, recognise
 from tests.support.world_values import value_of
 
 HERE = (0.0, 0.0, 0.0)
@@ -156,7 +157,8 @@ def test_what_is_not_there_cannot_be_bound(belief: Belief) -> None:
 
 
 def test_two_equally_near_things_that_are_seen_are_ambiguous(belief: Belief) -> None:
-    belief.see([Detection("bottle1", Pose((2.0, 0.3, 0.8)), 1.0), Detection("bottle2", Pose((2.0, -0.3, 0.8)), 1.0)])
+    poses = {"bottle1": Pose((2.0, 0.3, 0.8)), "bottle2": Pose((2.0, -0.3, 0.8))}
+    belief.see([detected(belief, name, pose) for name, pose in poses.items()])
     with pytest.raises(AmbiguousPerception) as problem:
         belief.bind(an_object("DrinkingBottle"), HERE)
     assert problem.value.candidates == ("bottle1", "bottle2")
@@ -165,7 +167,7 @@ def test_two_equally_near_things_that_are_seen_are_ambiguous(belief: Belief) -> 
 def test_seeing_a_thing_elsewhere_changes_the_belief_and_is_told(belief: Belief) -> None:
     told: list[tuple[str, Mapping[str, Any]]] = []
     belief.tell = lambda event, details: told.append((event, details))
-    belief.see([Detection("bottle1", Pose((2.1, 0.1, 0.8)), 0.9)])
+    recognise(belief, "bottle1", Pose((2.1, 0.1, 0.8)), 0.9)
     assert belief.pose("bottle1").position == (2.1, 0.1, 0.8)
     assert belief.seen_from_here("bottle1")
     assert belief.revision == 1
@@ -175,23 +177,23 @@ def test_seeing_a_thing_elsewhere_changes_the_belief_and_is_told(belief: Belief)
 def test_what_stands_on_a_table_goes_along_when_the_table_is_seen_elsewhere_unless_it_was_seen_itself(
     belief: Belief,
 ) -> None:
-    belief.see([Detection("bottle2", belief.pose("bottle2"), 0.9)])
-    belief.see([Detection("table1", Pose((2.0, 0.1, 0.35)), 0.9)])
+    recognise(belief, "bottle2", belief.pose("bottle2"), 0.9)
+    recognise(belief, "table1", Pose((2.0, 0.1, 0.35)), 0.9)
     assert belief.pose("bottle1").position == pytest.approx((2.0, 0.1, 0.8))
     assert belief.pose("bottle2").position == pytest.approx((2.3, 0.0, 0.8))
     assert belief.pose("cup1").position == pytest.approx((-2.3, 0.0, 0.05))
-    belief.see([Detection("table1", Pose((2.0, 0.2, 0.35)), 0.9)])
+    recognise(belief, "table1", Pose((2.0, 0.2, 0.35)), 0.9)
     assert belief.pose("bottle1").position == pytest.approx((2.0, 0.2, 0.8))
 
 
 def test_seeing_a_thing_where_it_was_believed_changes_nothing_but_that_it_was_seen(belief: Belief) -> None:
-    belief.see([Detection("bottle1", Pose((2.001, 0.0, 0.8)), 0.9)])
+    recognise(belief, "bottle1", Pose((2.001, 0.0, 0.8)), 0.9)
     assert belief.revision == 0
     assert belief.seen_from_here("bottle1")
 
 
 def test_after_the_base_moved_things_have_to_be_looked_at_again(belief: Belief) -> None:
-    belief.see([Detection("bottle1", Pose((2.0, 0.0, 0.8)), 0.9)])
+    recognise(belief, "bottle1", Pose((2.0, 0.0, 0.8)), 0.9)
     belief.base_moved()
     assert not belief.seen_from_here("bottle1")
 
@@ -200,7 +202,7 @@ def test_places_from_where_a_thing_was_not_seen_are_remembered_until_it_is(belie
     belief.not_seen("bottle1", HERE)
     belief.not_seen("bottle1", (1.0, 0.0, 0.0))
     assert belief.looked_in_vain("bottle1") == (HERE, (1.0, 0.0, 0.0))
-    belief.see([Detection("bottle1", Pose((2.0, 0.0, 0.8)), 0.9)])
+    recognise(belief, "bottle1", Pose((2.0, 0.0, 0.8)), 0.9)
     assert belief.looked_in_vain("bottle1") == ()
 
 
@@ -214,7 +216,7 @@ def test_places_relative_to_a_held_thing_keep_its_last_pose_until_it_is_let_go(b
     before = belief.pose("bottle1")
     belief.grasped("bottle1", "right", robot.arm("right").hand_link, Pose((0.14, 0.0, 0.0)))
     assert belief.reference_pose("bottle1") == before
-    belief.see([Detection("bottle1", Pose((0.0, 0.0, 1.0)), 1.0)])
+    recognise(belief, "bottle1", Pose((0.0, 0.0, 1.0)), 1.0)
     assert belief.reference_pose("bottle1") == before
     belief.released("bottle1", Pose((1.0, 1.0, 0.8)))
     assert belief.reference_pose("bottle1").position == (1.0, 1.0, 0.8)
@@ -224,7 +226,7 @@ def test_places_relative_to_a_held_thing_keep_its_last_pose_until_it_is_let_go(b
 def test_the_planning_world_becomes_what_is_believed(belief: Belief, planning: PlanningWorld, robot: Robot) -> None:
     hand = robot.arm("right").hand_link
     here = Configuration((-1.0, 0.5, 0.3), robot.postures["carrying"])
-    belief.see([Detection("cup1", Pose((-2.0, 0.4, 0.05)), 1.0)])
+    recognise(belief, "cup1", Pose((-2.0, 0.4, 0.05)), 1.0)
     belief.grasped("bottle1", "right", hand, Pose((0.14, 0.0, 0.0)))
     belief.released("bottle2", Pose((0.0, 0.0, 1.0)), to="somebody")
     mirror = WorldMirror(planning, belief.robot)
@@ -270,7 +272,7 @@ def test_what_happens_in_a_hypothesis_leaves_the_belief_and_its_memory_as_they_w
     belief.not_seen("bottle1", HERE)
     state, memory = belief.state, belief.memory
     supposed = belief.supposing(belief.state)
-    supposed.see([Detection("bottle1", Pose((2.0, 0.5, 0.8)), 1.0)])
+    recognise(supposed, "bottle1", Pose((2.0, 0.5, 0.8)), 1.0)
     supposed.not_there("cup1")
     supposed.base_moved()
     assert (belief.state, belief.memory) == (state, memory)
@@ -281,7 +283,7 @@ def test_what_happens_in_a_hypothesis_leaves_the_belief_and_its_memory_as_they_w
 def test_two_beliefs_to_which_the_same_happened_have_equal_memories(belief: Belief) -> None:
     one, other = belief.supposing(belief.state), belief.supposing(belief.state)
     for each in (one, other):
-        each.see([Detection("bottle1", Pose((2.0, 0.5, 0.8)), 1.0)])
+        recognise(each, "bottle1", Pose((2.0, 0.5, 0.8)), 1.0)
         each.bind(Object("DrinkingBottle"), HERE)
         each.not_there("cup1")
     assert one.memory is not other.memory
@@ -290,7 +292,7 @@ def test_two_beliefs_to_which_the_same_happened_have_equal_memories(belief: Beli
 
 def test_a_restored_belief_has_the_memory_that_was_left(belief: Belief, semantic_map: SemanticMap) -> None:
     fresh = belief.supposing(belief.state)
-    belief.see([Detection("bottle1", Pose((2.0, 0.5, 0.8)), 1.0)])
+    recognise(belief, "bottle1", Pose((2.0, 0.5, 0.8)), 1.0)
     belief.bind(Object("DrinkingBottle"), HERE)
     belief.not_seen("cup1", HERE)
     belief.not_there("bottle2")
@@ -361,14 +363,14 @@ def test_obstacles_that_were_felt_are_things_without_a_name_in_the_map(semantic_
 def test_source_and_time_of_a_pose_are_known(belief: Belief) -> None:
     assert belief.knowledge("bottle1").source is Source.MAP
     belief.heated_until(3.0)
-    belief.see([Detection("bottle1", belief.pose("bottle1"), 1.0)])
+    recognise(belief, "bottle1", belief.pose("bottle1"), 1.0)
     assert belief.knowledge("bottle1") == (Source.SEEN, 3.0, 0)
     belief.base_moved()
     assert belief.remembers("bottle1")
     belief.bump("bottle1", belief.pose("bottle1"))
     assert belief.knowledge("bottle1").source is Source.FELT
     assert not belief.remembers("bottle1")
-    belief.see([Detection("bottle1", belief.pose("bottle1"), 1.0)])
+    recognise(belief, "bottle1", belief.pose("bottle1"), 1.0)
     belief.not_seen("bottle1", HERE)
     assert not belief.remembers("bottle1"), "it was looked for in vain since"
 
@@ -377,7 +379,7 @@ def test_a_map_that_is_written_has_the_handles_of_what_was_moved(robot: Robot, t
     kitchen = read_map(load(bundled("ontologies") / "environments" / "stove_with_pans.omn"))
     world = PlanningWorld(scene_of(kitchen), robot.body())
     belief = Belief(kitchen, world)
-    belief.see([Detection("pan1", Pose.planar(-1.6, 0.2, 1.0, 0.765), 1.0)])
+    recognise(belief, "pan1", Pose.planar(-1.6, 0.2, 1.0, 0.765), 1.0)
     path = tmp_path / "map.omn"
     path.write_text(map_text(belief), encoding="utf-8")
     world.close()

@@ -16,8 +16,8 @@ from planlang.diagnostics import Diagnostic
 from planlang.files import Bundled, bundled
 from planlang.geometry import Pose
 from planlang.ontology import load
-from planlang.protocols import Detection
 from sim import PlanningWorld
+from tests.support.detections import recognise
 
 Write = Callable[..., str]
 Read = Callable[..., SemanticMap]
@@ -66,7 +66,7 @@ def test_what_was_seen_elsewhere_is_there_and_newer_and_the_rest_as_it_was(
 
     def look(belief: Belief) -> None:
         belief.heated_until(12.5)
-        belief.see([Detection("cup1", Pose((5, 0, 0.05)), 1.0)])
+        recognise(belief, "cup1", Pose((5, 0, 0.05)), 1.0)
 
     updated = left(semantic_map, look)
     placed = {iri.rsplit("#")[-1]: one for iri, one in placements(updated).items()}
@@ -154,7 +154,7 @@ def test_a_drawer_that_was_left_open_is_open_in_the_next_run_with_what_lies_in_i
 
     def open_and_look(belief: Belief) -> None:
         belief.moved("drawer1", 0.25)
-        belief.see([Detection("cup1", Pose((0.3, 0.05, 0.46)), 1.0)])
+        recognise(belief, "cup1", Pose((0.3, 0.05, 0.46)), 1.0)
 
     updated = left(semantic_map, open_and_look, "drawer1")
     places = {thing.name: thing.pose.position for thing in updated.objects if thing.pose}

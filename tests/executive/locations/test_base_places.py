@@ -19,7 +19,7 @@ from executive.locations.floor_search import HEADINGS, MOST_CELLS, FloorSamples
 from planlang.designators import Location, Relation, a_device, a_location, a_person, an_object
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array, Pose
-from planlang.protocols import Detection, Solution
+from planlang.protocols import Solution
 from sim import Body
 from tests.executive.conftest import (
     BED,
@@ -35,6 +35,7 @@ from tests.executive.conftest import (
     stand,
 )
 from tests.executive.locations.conftest import MakeJudge
+from tests.support.detections import recognise
 from tests.support.examples import examples, some
 
 THE_PATIENT, THE_BED = a_person("Patient"), an_object("Bed-PieceOfFurniture")
@@ -256,7 +257,8 @@ def about(stage: Stage, place: BasePose, name: str, body: Body, width: float | N
 def moved(stage: Stage, poses: Iterable[BasePose]) -> None:
     """Let the robot believe that the bodies are elsewhere."""
     there = [Pose.planar(x, y, yaw, body.pose.position[2]) for body, (x, y, yaw) in zip(BODIES, poses, strict=True)]
-    stage.belief.see(Detection(body.name, pose, 1.0) for body, pose in zip(BODIES, there, strict=True))
+    for body, pose in zip(BODIES, there, strict=True):
+        recognise(stage.belief, body.name, pose)
     stage.platform.observe()
 
 

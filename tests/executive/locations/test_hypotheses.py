@@ -11,9 +11,10 @@ from executive.locations import Resolver
 from planlang.designators import Location, a_location
 from planlang.failures import ObjectUnresolvable
 from planlang.geometry import Pose
-from planlang.protocols import Detection, Solution
+from planlang.protocols import Solution
 from planlang.state import WorldState
 from tests.executive.conftest import BOTTLE, THE_BOTTLE, Stage
+from tests.support.detections import recognise
 
 TO_REACH, TO_SEE = a_location(in_reach_of=THE_BOTTLE), a_location(visible_from=THE_BOTTLE)
 ELSEWHERE = Pose((1.5, 0.2, 0.9))
@@ -30,9 +31,9 @@ def answers(resolver: Resolver, location: Location = TO_REACH, number: int = 2) 
 
 def test_a_location_resolves_in_another_state_as_it_does_when_that_is_believed(ward: Stage) -> None:
     supposed = answers(ward.resolver.when(moved(ward)))
-    ward.belief.see([Detection("bottle", BOTTLE.pose, 1.0)])  # what is supposed is known as well as it was
+    recognise(ward.belief, "bottle", BOTTLE.pose, 1.0)  # what is supposed is known as well as it was
     assert [one.base for one in supposed] == [one.base for one in answers(ward.resolver.when(moved(ward)))]
-    ward.belief.see([Detection("bottle", ELSEWHERE, 1.0)])
+    recognise(ward.belief, "bottle", ELSEWHERE, 1.0)
     assert [one.base for one in supposed] == [one.base for one in answers(ward.resolver)]
 
 

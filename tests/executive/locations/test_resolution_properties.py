@@ -20,9 +20,10 @@ from planlang.designators import Location, a_location, a_person, an_object
 from planlang.failures import LocationUnresolvable, ManipulationPoseUnreachable, ObjectUnreachable
 from planlang.geometry import Pose
 from planlang.kernel.core import here
-from planlang.protocols import Configuration, Detection, Solution
+from planlang.protocols import Configuration, Solution
 from sim import Body
 from tests.executive.conftest import BOTTLE, CABINET, THE_BOTTLE, WARD, MakeStage, Stage, hold_bottle, stand
+from tests.support.detections import recognise
 from tests.support.examples import some
 from tests.support.world_values import value_of
 
@@ -94,7 +95,8 @@ def moved(furnish: MakeStage) -> Callable[[Pose], Stage]:
         base = turned @ np.array([0.0, 0.0, 0.0, 1.0])
         stage.truth.set_configuration(Configuration((base[0], base[1], motion.yaw), joints))
         for there in (Pose.planar(9.0, 9.0) @ motion, motion):  # a move of less than 2 mm would not count as one
-            stage.belief.see(Detection(body.name, there @ body.pose, 1.0) for body in WARD)
+            for body in WARD:
+                recognise(stage.belief, body.name, there @ body.pose)
         stage.platform.observe()
         return stage
 
@@ -195,7 +197,7 @@ def drive(stage: Stage) -> None:
 
 
 CHANGES: dict[str, Callable[[Stage], None]] = {
-    "a thing is seen elsewhere": lambda stage: stage.belief.see([Detection("bottle", Pose((1.5, 0.2, 0.9)), 1.0)]),
+    "a thing is seen elsewhere": lambda stage: recognise(stage.belief, "bottle", Pose((1.5, 0.2, 0.9)), 1.0),
     "a thing is felt": lambda stage: stage.belief.bump("bed", Pose((-2.5, 0.1, 0.275))),
     "a thing is looked for in vain": lambda stage: stage.belief.not_seen("bottle", (0.5, 0.0, 0.0)),
     "a hand holds it": hold_bottle,
@@ -215,11 +217,11 @@ def test_they_are_searched_for_anew_when(change: str, ward: Stage, searched: lis
 
 def test_what_is_seen_where_it_was_changes_nothing(ward: Stage, searched: list[Location]) -> None:
     first = ask(ward)
-    ward.belief.see([Detection("bottle", BOTTLE.pose, 1.0)])
-    ward.belief.see([Detection("bottle", BOTTLE.pose, 1.0)])
+    recognise(ward.belief, "bottle", BOTTLE.pose, 1.0)
+    recognise(ward.belief, "bottle", BOTTLE.pose, 1.0)
     revision = ward.belief.revision
     assert [place.base for place in ask(ward)] == [place.base for place in first]
-    ward.belief.see([Detection("bottle", BOTTLE.pose, 1.0)])
+    recognise(ward.belief, "bottle", BOTTLE.pose, 1.0)
     assert ward.belief.revision == revision
 
 

@@ -14,9 +14,9 @@ from executive.belief.believed_bodies import BelievedBodies
 from executive.maps import SemanticMap, read_map, scene_of
 from planlang.geometry import Pose
 from planlang.ontology import load
-from planlang.protocols import Detection
 from sim import PlanningWorld, WorldMirror, perturb
 from sim.joints import Articulation, JointKind
+from tests.support.detections import recognise
 from tests.support.examples import some
 
 Write = Callable[..., str]
@@ -273,7 +273,7 @@ def test_empty_furniture_has_an_inside_behind_its_door_and_in_its_drawer(
 def test_a_door_that_is_seen_ajar_is_believed_to_be_ajar(believed: tuple[Belief, PlanningWorld]) -> None:
     belief, world = believed
     world.set_joint("door1", 0.7)
-    belief.see([Detection("door1", world.pose("door1"), 1.0)])
+    recognise(belief, "door1", world.pose("door1"), 1.0)
     assert belief.joint("door1") == pytest.approx(0.7)
 
 

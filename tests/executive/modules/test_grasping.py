@@ -41,6 +41,7 @@ from tests.executive.conftest import (
     hold_bottle,
     stand,
 )
+from tests.support.detections import recognise
 from tests.support.examples import some
 
 RIGHT, LEFT = a_device("RightGripper"), a_device("LeftGripper")
@@ -267,10 +268,10 @@ def test_what_is_in_the_way_of_the_hand_is_named(make_stage: MakeStage) -> None:
 
 def test_an_arm_that_meets_what_was_not_believed_to_be_there_stops_and_names_it(make_stage: MakeStage) -> None:
     board = Body("board", Pose((1.38, 0.0, 1.0)), (0.02, 0.5, 0.3), type="Cupboard", movable=True)
-    away = replace(board, pose=Pose((-4.0, 4.0, 1.0)))
+    away = replace(board, pose=Pose((1.38, 1.2, 1.0)))
     stage = make_stage(CABINET, BOTTLE, away, truth=[CABINET, BOTTLE, board], start=(0.8269, 0.0, -0.35))
     assert stage.truth.contacts() == ()
-    stage.belief.see([Detection("bottle", BOTTLE.pose, 1.0)])
+    recognise(stage.belief, "bottle", BOTTLE.pose, 1.0)
     with pytest.raises(ManipulationGoalInCollision) as caught:
         do(stage, reach(BEFORE))
     assert caught.value.blocked_by == "board"
@@ -447,7 +448,7 @@ def test_what_a_camera_shows_inside_a_hand_is_believed_beside_it(
     def inexact(world: PyBulletWorld, link: str) -> tuple[Detection, ...]:
         shift = Pose((*wrong, 0.0))
         return tuple(
-            replace(one, pose=shift @ one.pose) if one.name == "bottle" else one for one in detect(world, link)
+            replace(one, pose=shift @ one.pose) if one.type == BOTTLE.type else one for one in detect(world, link)
         )
 
     do(stage, reach(BEFORE), OPEN, reach(AROUND))

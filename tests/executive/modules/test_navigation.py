@@ -31,6 +31,7 @@ from sim import Body
 from tests.executive.conftest import BOTTLE, CABINET, THE_BOTTLE, WARD, MakeStage, Stage, furnisher, hold_bottle, stand
 
 POST = Body("post", Pose((1.5, 0.0, 0.5)), (0.4, 0.4, 1.0), type="Chair-PieceOfFurniture", movable=True)
+BESIDE = replace(POST, pose=Pose((1.5, 1.4, 0.5)))
 AWAY = replace(POST, pose=Pose((-3.0, 3.0, 0.5)))
 
 
@@ -84,20 +85,37 @@ def test_the_path_to_where_the_base_stands_ends_there(make_stage: MakeStage) -> 
 
 
 def test_an_obstacle_elsewhere_than_believed_is_felt_and_driven_around(make_stage: MakeStage) -> None:
-    stage = make_stage(AWAY, truth=[POST])
+    stage = make_stage(BESIDE, truth=[POST])
     drive(stage, to(3.0, 0.0))
     assert stage.truth.configuration().base == pytest.approx((3.0, 0.0, 0.0), abs=1e-6)
     assert stage.belief.pose("post") == POST.pose, "the robot knows now where the post is"
+
+
+def test_an_obstacle_like_one_that_is_believed_far_away_is_another_and_driven_around(make_stage: MakeStage) -> None:
+    stage = make_stage(AWAY, truth=[POST])
+    drive(stage, to(3.0, 0.0))
+    assert stage.truth.configuration().base == pytest.approx((3.0, 0.0, 0.0), abs=1e-6)
+    assert stage.belief.pose("post") == AWAY.pose, "nothing tells that it has moved"
+    assert stage.belief.pose("post#2") == POST.pose, "the camera shows one where it was touched"
 
 
 def test_an_obstacle_that_is_in_no_map_is_felt_and_driven_around(make_stage: MakeStage) -> None:
     stage = make_stage(truth=[POST])
     drive(stage, to(3.0, 0.0))
     assert stage.truth.configuration().base == pytest.approx((3.0, 0.0, 0.0), abs=1e-6)
+    assert stage.belief.pose("chair-PieceOfFurniture#1") == POST.pose, "the camera shows what was touched"
+    assert not any(name in NAMES for name in stage.belief.names()), "that explains the touch"
+    assert "post" not in stage.belief.names(), "nobody tells its name"
+
+
+def test_an_obstacle_that_no_camera_shows_is_felt_and_driven_around(make_blind: MakeStage) -> None:
+    stage = make_blind(truth=[POST])
+    drive(stage, to(3.0, 0.0))
+    assert stage.truth.configuration().base == pytest.approx((3.0, 0.0, 0.0), abs=1e-6)
     felt = [name for name in stage.belief.names() if name in NAMES]
     assert felt, "of what was touched the robot believes that something is there"
     assert all(math.dist(stage.belief.pose(name).position[:2], POST.pose.position[:2]) < 0.2 for name in felt)
-    assert "post" not in stage.belief.names(), "nobody tells its name"
+    assert set(felt) == set(stage.belief.names()), "nobody tells its name"
 
 
 def test_an_obstacle_that_is_in_no_map_ends_in_a_failure_that_names_it(make_stage: MakeStage) -> None:
@@ -282,5 +300,6 @@ def test_a_bottle_ahead_is_seen_however_narrow_the_images_are(model: RobotModel,
     for bearing in (0.0, 0.1, 0.2, 0.3, 0.4):
         place = elsewhere(2.0 * math.cos(bearing), 2.0 * math.sin(bearing), 1.0)
         stage = make(elsewhere(0.0, -2.0), truth=[place])
+        stage.belief.not_there("bottle")
         checking = action("CheckingWhetherConditionObtains", object_acted_on=THE_BOTTLE)
         assert stage.run(partial(perform, checking)), bearing

@@ -17,7 +17,6 @@ from planlang import perform
 from planlang.designators import Location, a_location, a_posture, action, an_object
 from planlang.failures import ActionUnresolvable, ManipulationFailure
 from planlang.geometry import Pose
-from planlang.protocols import Detection
 from sim import Body
 from sim.truth import at_rest_on
 from tests.executive.conftest import (
@@ -31,6 +30,7 @@ from tests.executive.conftest import (
     hold_bottle,
     stand,
 )
+from tests.support.detections import put
 from tests.support.examples import some
 
 MAT = Body("mat", Pose((2.0, 0.0, 0.782)), (0.3, 0.4, 0.004), type="TableCloth", movable=True)
@@ -107,7 +107,7 @@ def test_things_beside_the_mat_lie_along_it_and_leave_room_for_each_other(make_s
         pose = next(stage.resolver.things(where, an_object(fork.type, PLACE + fork.name)))
         assert np.isclose(abs(math.cos(pose.yaw)), 1.0), "its long side is turned to the mat"
         gaps.append(abs(pose.position[1]) - 0.2 - 0.01)
-        stage.belief.see([Detection(fork.name, pose, 1.0)])
+        put(stage.belief, fork.name, pose)
         stage.platform.observe()
     assert max(gaps) <= 0.15 + 1e-6
 

@@ -18,8 +18,8 @@ from planlang.knowledge.entries import File, Kind
 from planlang.knowledge.pulling import pull
 from planlang.knowledge.sqlite_store import SqliteStore
 from planlang.ontology import load
-from planlang.protocols import Detection
 from sim import PlanningWorld
+from tests.support.detections import recognise
 from tests.support.knowledge_bases import NOW, put
 from tests.support.refusals import refusal
 
@@ -64,7 +64,7 @@ def test_a_map_that_one_robot_has_improved_is_served_to_the_next(client: TestCli
     semantic_map = read_map(load(path))
     world = PlanningWorld(scene_of(semantic_map))
     belief = Belief(semantic_map, world)
-    belief.see([Detection("bottle1", Pose((-2.7, -0.5, 0.9)), 1.0)])
+    recognise(belief, "bottle1", Pose((-2.7, -0.5, 0.9)), 1.0)
     text = updated_map(belief, {path}, (), [])
     world.close()
     where = f"/v1/environments/{uid}/content"
