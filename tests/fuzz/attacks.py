@@ -102,6 +102,7 @@ CHEAP = """
 list robots
 list classes bottle
 list relations
+faults gripper
 new project out
 new robot out --folder out
 new plan out
