@@ -175,4 +175,12 @@ def inside_of(scheduler: Scheduler, plan: Callable[[], Awaitable[Any]], executiv
                 scheduler.observer.write(scheduler.now, event, None, **details)
 
         executive.record(write)
-    return run_plan(scheduler, plan)
+    try:
+        return run_plan(scheduler, plan)
+    finally:
+        if executive is not None:
+            executive.record(_unrecorded)  # what is asked of it later is no part of the run
+
+
+def _unrecorded(event: str, details: Mapping[str, Any]) -> None:
+    """Record nothing, as no run is going on."""

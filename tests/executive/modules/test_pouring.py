@@ -187,13 +187,12 @@ def test_the_camera_looks_for_nothing_while_a_vessel_is_turned_over(
 
     def hidden(world: PyBulletWorld, camera_link: str) -> tuple[Detection, ...]:
         looks.append(held_by(world, "bottle1") == "robot" and world.pose("bottle1").rotation[2, 2] < 0)
-        return tuple(one for one in detect(world, camera_link) if one.name != "bowl1")
+        return tuple(shown for name, shown in world.shown(camera_link).items() if name != "bowl1")
 
     def right(watched: Watched) -> Iterator[str]:
         if abs((amount := watched.world.matter.total("bowl1")) - 100.0) > 5.0:
             yield f"bowl1 holds {amount:.0f} ml"
 
-    detect = PyBulletWorld.detect
     monkeypatch.setattr(PyBulletWorld, "detect", hidden)
     found = poured(tmp_path, 100.0, WATER, right)
     assert found.reached, (found.result.message, found.unmet)

@@ -24,8 +24,8 @@ from tests.executive.conftest import PLACE, MakeStage
 from tests.support.room_doors import RoomDoor, flat
 
 TABLE = Body("table", Pose((1.3, 0.0, 0.37)), (0.8, 1.4, 0.74), type="KitchenTable")
-SHORTER = replace(TABLE, name="shorter", pose=Pose((1.05, 0.0, 0.37)), size=(0.3, 1.4, 0.74))
-"""Ends where the table of the map goes on, and is not recognised as it."""
+SHORTER = replace(TABLE, name="shorter", type="", pose=Pose((1.05, 0.0, 0.37)), size=(0.3, 1.4, 0.74))
+"""Ends where the table of the map goes on, and is of no class that a camera recognises."""
 BOX = Body("box", Pose((1.15, -0.1, 0.8)), (0.1, 0.1, 0.12), type="FoodOrDrink", movable=True)
 TOP = Body("top", Pose((1.15, -0.1, 0.89)), (0.06, 0.06, 0.06), type="FoodOrDrink", movable=True)
 THE_BOX = an_object("FoodOrDrink", PLACE + "box")
