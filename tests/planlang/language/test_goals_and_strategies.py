@@ -24,10 +24,12 @@ from planlang import (
     holds,
     ignore,
     look_and_repeat,
+    look_by_moving_the_base,
     look_from_another_place,
     now,
     par,
     perform,
+    pour_the_rest,
     pursue,
     put_down_and_regrasp,
     sleep,
@@ -41,10 +43,12 @@ from planlang import evaporate as evaporate_task
 from planlang import recoveries as strategies
 from planlang.designators import located
 from planlang.failures import (
+    AmountNotPoured,
     BranchEvaporated,
     GoalNotAchieved,
     GraspMissed,
     HandsFull,
+    LookingFailure,
     ObjectLost,
     ObjectNotFound,
     ObjectNowhereToBeFound,
@@ -169,6 +173,54 @@ def test_the_base_stays_where_the_thing_is_seen_at_the_second_look(executive: An
     recovery = Recovery(ObjectNotFound, look_from_another_place(BOTTLE))
     go(partial(with_failure_handling, body, recovery), executive)
     assert executive.log == ["looks at 0"]
+
+
+class Once:
+    """A body that fails the first time."""
+
+    def __init__(self, failure: PlanFailure) -> None:
+        self.failures = [failure]
+
+    async def __call__(self) -> None:
+        if self.failures:
+            raise self.failures.pop()
+
+
+@pytest.mark.parametrize(
+    ("seen_from", "log"),
+    [((0.0,), ["looks at 0"]), ((1.0,), ["looks at 0", "at 1", "looks at 1"])],
+)
+def test_where_the_neck_stops_the_base_moves_unless_the_thing_is_seen_by_now(
+    executive: Any, module: Any, seen_from: tuple[float, ...], log: list[str]
+) -> None:
+    eyes(executive, module, *seen_from)
+    recovery = Recovery(LookingFailure, look_by_moving_the_base(BOTTLE))
+    go(partial(with_failure_handling, Once(LookingFailure()), recovery), executive)
+    assert executive.log == log
+
+
+def test_a_neck_that_stops_fails_where_the_thing_is_seen_from_nowhere(executive: Any, module: Any) -> None:
+    eyes(executive, module)
+    with pytest.raises(LookingFailure):
+        go(
+            partial(
+                with_failure_handling,
+                Once(LookingFailure()),
+                Recovery(LookingFailure, look_by_moving_the_base(BOTTLE)),
+            ),
+            executive,
+        )
+
+
+@pytest.mark.parametrize(("poured", "is_repeated"), [(60.0, True), (0.0, False), (120.0, False)])
+def test_the_rest_is_poured_if_some_has_been(poured: float, is_repeated: bool) -> None:
+    body = Once(AmountNotPoured(asked=100.0, poured=poured))
+    handled = partial(with_failure_handling, body, Recovery(AmountNotPoured, pour_the_rest))
+    if is_repeated:
+        go(handled)
+    else:
+        with pytest.raises(AmountNotPoured):
+            go(handled)
 
 
 def strategies_of(what: Any) -> dict[str, Any]:

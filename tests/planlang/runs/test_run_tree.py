@@ -111,3 +111,20 @@ def test_what_a_description_means_in_a_step_is_told_by_its_name() -> None:
 
 def test_a_description_that_begins_as_another_one_keeps_its_own_name() -> None:
     assert with_names("Cup that is on(a), Cup", {"Cup": "cup1"}) == "Cup that is on(a), cup1"
+
+
+def test_a_text_without_a_description_stays_as_it_is() -> None:
+    assert with_names("Tray", {"Cup": "cup1"}) == "Tray"
+
+
+def test_a_damaged_record_of_what_is_meant_tells_nothing() -> None:
+    tree = RunTree()
+    tree.add({"step": 0, "event": "started", "node": 1, "parent": None, "kind": "plan", "name": "tidy"})
+    tree.add({"step": 0, "event": "means", "what": "Cup", "name": None, "within": ""})
+    assert tree.roots[0].named("Cup") == "Cup"
+
+
+def test_a_door_that_was_seen_open_is_said_to_be_opened_further() -> None:
+    changes = Changes()
+    assert changes.text({"change": "seen", "name": "door1", "value": 0.2}) == "door1 seen"
+    assert changes.text({"change": "led", "name": "door1", "value": 0.7}) == "door1 being opened"
