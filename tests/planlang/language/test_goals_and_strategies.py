@@ -24,12 +24,10 @@ from planlang import (
     holds,
     ignore,
     look_and_repeat,
-    look_by_moving_the_base,
     look_from_another_place,
     now,
     par,
     perform,
-    pour_the_rest,
     pursue,
     put_down_and_regrasp,
     sleep,
@@ -43,24 +41,20 @@ from planlang import evaporate as evaporate_task
 from planlang import recoveries as strategies
 from planlang.designators import located
 from planlang.failures import (
-    AmountNotPoured,
     BranchEvaporated,
     GoalNotAchieved,
     GraspMissed,
     HandsFull,
-    LookingFailure,
     ObjectLost,
     ObjectNotFound,
     ObjectNowhereToBeFound,
     ObjectUnreachable,
-    PerceptionFailure,
     PlanFailure,
 )
 from planlang.misuse import PlanStructureError
 from planlang.recoveries import find_strategy, recovery_strategy, registered_strategies
+from tests.support.looking import BOTTLE, eyes
 from tests.support.refusals import failing
-
-BOTTLE = an_object("DrinkingBottle", "http://example.org/map#bottle1")
 
 
 def test_the_body_is_skipped_when_the_goal_holds_and_the_trace_says_so(executive: Any) -> None:
@@ -123,25 +117,6 @@ def test_a_world_fluent_as_goal_is_read_anew_not_as_sampled() -> None:
     go(partial(achieve, door, opens))
 
 
-class Eyes:
-    """Sees the bottle from the places it is told."""
-
-    def __init__(self, executive: Any, seen_from: set[float]) -> None:
-        self.executive = executive
-        self.seen_from = seen_from
-
-    async def look(self, wanted: Action) -> None:
-        assert wanted.get("object_acted_on") == BOTTLE
-        self.executive.log.append(f"looks at {self.executive.base[0]:g}")
-        if self.executive.base[0] not in self.seen_from:
-            raise ObjectNotFound(what="bottle1")
-
-
-def eyes(executive: Any, module: Any, *seen_from: float) -> None:
-    looker = Eyes(executive, set(seen_from))
-    executive.extra.append(module("perception", ("LookingForSomething",), looker.look, (PerceptionFailure,), ("head",)))
-
-
 async def find() -> None:
     await perform(action("LookingForSomething", object_acted_on=BOTTLE))
 
@@ -173,54 +148,6 @@ def test_the_base_stays_where_the_thing_is_seen_at_the_second_look(executive: An
     recovery = Recovery(ObjectNotFound, look_from_another_place(BOTTLE))
     go(partial(with_failure_handling, body, recovery), executive)
     assert executive.log == ["looks at 0"]
-
-
-class Once:
-    """A body that fails the first time."""
-
-    def __init__(self, failure: PlanFailure) -> None:
-        self.failures = [failure]
-
-    async def __call__(self) -> None:
-        if self.failures:
-            raise self.failures.pop()
-
-
-@pytest.mark.parametrize(
-    ("seen_from", "log"),
-    [((0.0,), ["looks at 0"]), ((1.0,), ["looks at 0", "at 1", "looks at 1"])],
-)
-def test_where_the_neck_stops_the_base_moves_unless_the_thing_is_seen_by_now(
-    executive: Any, module: Any, seen_from: tuple[float, ...], log: list[str]
-) -> None:
-    eyes(executive, module, *seen_from)
-    recovery = Recovery(LookingFailure, look_by_moving_the_base(BOTTLE))
-    go(partial(with_failure_handling, Once(LookingFailure()), recovery), executive)
-    assert executive.log == log
-
-
-def test_a_neck_that_stops_fails_where_the_thing_is_seen_from_nowhere(executive: Any, module: Any) -> None:
-    eyes(executive, module)
-    with pytest.raises(LookingFailure):
-        go(
-            partial(
-                with_failure_handling,
-                Once(LookingFailure()),
-                Recovery(LookingFailure, look_by_moving_the_base(BOTTLE)),
-            ),
-            executive,
-        )
-
-
-@pytest.mark.parametrize(("poured", "is_repeated"), [(60.0, True), (0.0, False), (120.0, False)])
-def test_the_rest_is_poured_if_some_has_been(poured: float, is_repeated: bool) -> None:
-    body = Once(AmountNotPoured(asked=100.0, poured=poured))
-    handled = partial(with_failure_handling, body, Recovery(AmountNotPoured, pour_the_rest))
-    if is_repeated:
-        go(handled)
-    else:
-        with pytest.raises(AmountNotPoured):
-            go(handled)
 
 
 def strategies_of(what: Any) -> dict[str, Any]:
