@@ -1,9 +1,8 @@
 """Testing plans in virtual time, with scripted robots, injected faults, and all possible schedules of the tasks.
 
-General layout: ``running`` runs a plan; ``script`` and ``scripted`` are the robot; :mod:`planlang.faults.steps` injects
-failures;
-``history`` answers questions from the trace; ``exploring`` searches for schedules that change the outcome;
-``extensions`` enumerates the orders of a partial order; ``plugin`` is the pytest plugin, with tests in many
+General layout: ``running`` runs a plan; ``script`` and ``scripted`` are the robot, in whose steps ``planlang.faults``
+injects failures; ``history`` answers questions from the trace; ``exploring`` searches for schedules that change the
+outcome; ``extensions`` enumerates the orders of a partial order; ``plugin`` is the pytest plugin, with tests in many
 ``worlds``.
 """
 
