@@ -43,7 +43,6 @@ class Fault:
     attempt: int | None = None
     after: float | None = None
     at: float | None = None
-
     named: NamedFault | None = None
     """The stated fault that it is, if a text states it."""
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import count
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from sim.faults.things import Things
 from sim.scene import Body
 
 OBSTACLE = "something"
-"""Name of the body that stands in the way for a while."""
+"""Name of a body that stands in the way for a while; others at the same time are numbered."""
 OBSTACLE_SIZE = (0.3, 0.3, 1.0)
 """Its extents [m]."""
 _ROOM = 0.15
@@ -72,16 +73,16 @@ class Motions:
             case "thing:moves" | "thing:is_gone":
                 self._things.happen(fault)
             case _:
-                count = max(1, round(fault.between(*_SHORT) * len(trajectory.positions)))
-                return self.cut(group, trajectory, fault, count, "the following error is too large")
+                rows = max(1, round(fault.between(*_SHORT) * len(trajectory.positions)))
+                return self.cut(group, trajectory, fault, rows, "the following error is too large")
         return trajectory
 
-    def cut(self, group: Group, trajectory: Trajectory, fault: Drawn, count: int, reason: str) -> Trajectory:
+    def cut(self, group: Group, trajectory: Trajectory, fault: Drawn, rows: int, reason: str) -> Trajectory:
         """Cut a trajectory off after some rows; the group's driver reports a reason then."""
         self.failed[group] = reason
-        short = Trajectory(trajectory.names, trajectory.positions[:count])
+        short = Trajectory(trajectory.names, trajectory.positions[:rows])
         self._cut[group] = fault
-        if count == 1:  # it does not even begin
+        if rows == 1:  # it does not even begin
             self._injection.happens(fault)
             return short
 
@@ -129,14 +130,16 @@ class Motions:
         """Put something in the way; it goes away after a while."""
         pose = self._place(trajectory)
         assert pose is not None
-        self._truth.add(Body(OBSTACLE, pose, OBSTACLE_SIZE))
+        standing = self._truth.names()
+        name = next(one for n in count(1) if (one := OBSTACLE if n == 1 else f"{OBSTACLE} {n}") not in standing)
+        self._truth.add(Body(name, pose, OBSTACLE_SIZE))
         self._injection.happens(fault)
         until = self._injection.now + fault.between(*_STAYS)
 
         def goes() -> bool:
             if self._injection.now < until:
                 return False
-            self._truth.remove(OBSTACLE)
+            self._truth.remove(name)
             return True
 
         self._injection.later(goes)

@@ -8,8 +8,12 @@ from pathlib import Path
 import pytest
 
 import planlang
+from executive.runs.options import RunOptions
+from executive.runs.plan_run import run_plan_file
 from planlang.diagnostics import BadInput
+from sim.truth import Truth
 from tests.support.cli_runs import answer, invoke
+from tests.support.scenarios import parsed
 
 
 def happened(run: planlang.RunResult) -> list[str]:
@@ -30,6 +34,19 @@ def test_a_drink_is_served_though_something_goes_wrong(fault: str) -> None:
 def test_a_drink_is_served_though_the_hand_does_not_draw_back_from_it() -> None:
     run = planlang.simulate("serve_a_drink", seed=3, fault="arm:stalls@7")
     assert (happened(run), run.message) == (["arm:stalls"], "done")
+
+
+def test_two_things_that_stand_in_the_way_one_after_the_other_each_stay_as_long_as_stated() -> None:
+    words = ("serve_a_drink", "--environment", "hospital_room", "--robot", "amigo", "--fault", "base:blocked=20@1-2")
+    standing: list[int] = []
+
+    def watch(world: Truth) -> None:
+        standing.append(sum(name.startswith("something") for name in world.names()))
+
+    run = run_plan_file(RunOptions.of(parsed(words), watchers=(watch,)))
+    assert (happened(run), run.message) == (["base:blocked"] * 2, "done")
+    assert sum(standing) == pytest.approx(2 * 20 * 30, abs=5), "steps of the world, 30 a second"
+    assert max(standing) == 2
 
 
 @pytest.mark.long
