@@ -39,6 +39,8 @@ SIZE_SHARE, SIZE_ERROR = 0.2, 0.01
 """Share of an extent and length [m] by which a size that is read may differ from the believed one."""
 ANYWHERE = 100.0
 """Distance that counts for a thing whose place is unknown [m]: one at a known place is preferred."""
+UNLIKE = 10.0
+"""Distance that counts for each metre by which extents differ, where no place tells things apart."""
 READABLE = 0.5
 """Visible share from which on a mark is read."""
 UNKNOWN, FORBIDDEN = 1e3, 1e6
@@ -106,7 +108,7 @@ class Associator:
         return _assigned(costs)
 
     def fitting(self, detection: Detection) -> list[str]:
-        """List the things of the features of a detection, wherever they are."""
+        """List the things of the features of a detection, wherever they are, those of the most similar size first."""
         state, memory = self._belief.state, self._belief.memory
         now = memory.made, memory.gone, state.matter.types
         if self._made != now:
@@ -114,7 +116,8 @@ class Associator:
         key = detection.type, detection.size, detection.label, detection.colour, detection.visible < READABLE
         if key not in self._fitting:
             every = {**self._features, **memory.made}
-            self._fitting[key] = [name for name in every if self._fits(detection, name, self.features(name))]
+            fitting = (name for name in every if self._fits(detection, name, self.features(name)))
+            self._fitting[key] = sorted(fitting, key=lambda name: self._unlike(detection, name))
         return self._fitting[key]
 
     def new_name(self, cls: str) -> str:
@@ -137,14 +140,16 @@ class Associator:
         types = (*one.types, *self._belief.state.matter.types.get(name, ()))
         if not any(self._is_kind(kind, detection.type) or self._is_kind(detection.type, kind) for kind in types):
             return False
-        read = [*sorted(detection.size[:2]), detection.size[2]]
-        known = [*sorted(one.size[:2]), one.size[2]]
-        if any(abs(a - b) > SIZE_SHARE * b + SIZE_ERROR for a, b in zip(read, known, strict=True)):
+        if any(abs(read - known) > SIZE_SHARE * known + SIZE_ERROR for read, known in _extents(detection, one)):
             return False
         marks = ((one.mark, detection.label or detection.face_of), (one.colour, detection.colour))
         return all(
             said is None or said == shown or (shown is None and detection.visible < READABLE) for said, shown in marks
         )
+
+    def _unlike(self, detection: Detection, name: str) -> float:
+        """Sum the lengths by which the extents of a detection and of a thing differ [m]."""
+        return sum(abs(read - known) for read, known in _extents(detection, self.features(name)))
 
     def _is_kind(self, one: str, cls: str) -> bool:
         key = one, cls
@@ -167,7 +172,8 @@ class Associator:
                 if away <= self._gate(name):
                     costs[name] = away
                 elif self._is_anywhere(name):
-                    costs[name] = away if name in self._walking else ANYWHERE / 2 + away
+                    far = ANYWHERE / 2 + away + UNLIKE * self._unlike(detection, name)
+                    costs[name] = away if name in self._walking else far
         return costs
 
     def _away(self, name: str, believed: Pose, seen: Pose) -> float:
@@ -191,6 +197,12 @@ class Associator:
             return MAP_GATE
         gate = SEEN_GATE if known.source is Source.SEEN else ACTED_GATE
         return min(gate + DRIFT * max(0.0, memory.time - known.time), MAP_GATE)
+
+
+def _extents(detection: Detection, one: Features) -> list[tuple[float, float]]:
+    """Pair the extents that are read with those of a thing [m]: the lesser and the greater of the base, the height."""
+    (*base, height), (*known_base, known_height) = detection.size, one.size
+    return [*zip(sorted(base), sorted(known_base), strict=True), (height, known_height)]
 
 
 def _nearest(costs: Mapping[str, float]) -> str | None:

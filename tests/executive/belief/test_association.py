@@ -141,6 +141,26 @@ def test_class_and_size_tell_things_apart(made) -> None:  # type: ignore[no-unty
     assert list(belief.see([replace(bottle(2.0, 0.3), type="Fork", size=(0.2, 0.02, 0.01))])) == ["fork#1"]
 
 
+@pytest.mark.parametrize("unknown", [("bottle1", "bottle2"), ("bottle2", "bottle1")])
+def test_of_two_unknown_things_the_one_of_the_size_that_is_seen_is_found(made, unknown: tuple[str, str]) -> None:  # type: ignore[no-untyped-def]
+    taller = Body(
+        "bottle2", Pose((2.0, -0.3, 0.82)), (0.07, 0.07, 0.24), "cylinder", type="DrinkingBottle", movable=True
+    )
+    belief = made(taller, unknown=unknown)
+    assert list(belief.see([replace(bottle(0.0, 3.0), size=taller.size)])) == ["bottle2"]
+    assert list(belief.see([bottle(1.0, 3.0), replace(bottle(0.0, 3.0), size=taller.size)])) == ["bottle1", "bottle2"]
+
+
+def test_of_two_that_were_missed_the_one_of_the_size_that_is_seen_is_found(made) -> None:  # type: ignore[no-untyped-def]
+    taller = Body(
+        "bottle2", Pose((2.0, -0.3, 0.82)), (0.07, 0.07, 0.24), "cylinder", type="DrinkingBottle", movable=True
+    )
+    belief = made(taller)
+    belief.not_there("bottle1")
+    belief.not_there("bottle2")
+    assert list(belief.see([replace(bottle(2.2, 2.4), size=taller.size)])) == ["bottle2"], "though bottle1 was nearer"
+
+
 @pytest.mark.parametrize("feature", ["mark", "colour"])
 def test_a_mark_that_the_map_states_decides_against_the_distance(made, feature: str) -> None:  # type: ignore[no-untyped-def]
     ones = (replace(one, **{feature: one.name}) for one in BODIES if one.name.startswith("bottle"))
