@@ -13,6 +13,7 @@ the class of the cabinet, the class of another part, or another pose.
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -26,6 +27,7 @@ from planlang.geometry import Pose
 from planlang.kept import kept
 from planlang.measures import EXTENTS, read_transform
 from planlang.ontology import Literal, Ontology, expand
+from planlang.ontology.terms import KNOWROB as NAMESPACE
 from planlang.ontology.terms import RDF
 from planlang.records import dataclass
 from planlang.spelling import Spellings, similar
@@ -96,9 +98,18 @@ def with_known_classes(ontology: Ontology, things: Iterable[str], notes: list[Di
             continue
         defined_names = {local_name(name) for name in ontology.class_names()}
         close = similar(local_name(cls), sorted(defined_names), least=0.8)
-        advice = f"did you mean {close[0]}?" if close else f"define it: Class: {local_name(cls)} SubClassOf: ..."
+        advice = f"did you mean {close[0]}?" if close else _definition(ontology, local_name(cls))
         notes.append(warning("M031", f"{subject}, is not defined: such objects have no known properties", span, advice))
     return ontology.renamed(names) if names else ontology
+
+
+def _definition(ontology: Ontology, name: str) -> str:
+    """Advise to define a class, below the one that its last words name: a CoffeeMug is a mug."""
+    words = re.findall(r"[A-Z]+[^A-Z]*", name.partition("-")[0])
+    tails = ("".join(words[begin:]).lower() for begin in range(1, len(words)))
+    found = (one for tail in tails for one in _classes_by_name(ontology).get(tail, ()))
+    above = next((f"knowrob:{local_part(one)}" for one in found if one.startswith(NAMESPACE)), "...")
+    return f"define it: Class: {name} SubClassOf: {above}"
 
 
 ALIKE = 0.9

@@ -178,6 +178,16 @@ def test_a_misspelt_class_is_reported_with_a_suggestion(map_of: Read, thing: Wri
     assert (found.code, found.severity, found.help) == ("M031", Severity.WARNING, "did you mean DrinkingBottle?")
 
 
+@pytest.mark.parametrize(
+    ("cls", "above"), [("CoffeeMug", "knowrob:DrinkingMug"), ("Gizmo", "..."), ("BigGizmo", "...")]
+)
+def test_an_undefined_class_is_to_be_defined_below_the_one_that_its_last_word_names(
+    map_of: Read, thing: Write, seen: Write, cls: str, above: str
+) -> None:
+    (found,) = map_of(thing("thing1", cls, (0.1, 0.1, 0.1)), seen("thing1", (0, 0, 0.1))).diagnostics
+    assert (found.severity, found.help) == (Severity.WARNING, f"define it: Class: {cls} SubClassOf: {above}")
+
+
 def test_an_object_of_unknown_class_as_large_as_a_room_and_with_objects_inside_is_a_room(
     map_of: Read, thing: Write, seen: Write
 ) -> None:
