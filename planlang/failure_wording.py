@@ -7,6 +7,9 @@ from typing import Any
 
 from planlang.closure import grouped
 
+NO_WAY = "no way for the base"
+"""Reason of a search for candidates that the base could not drive to."""
+
 
 def in_words(details: Mapping[str, Any]) -> str:
     """Format the fields of a failure for its message: ``what`` first, without its name; an arm as ``left arm``."""

@@ -16,6 +16,7 @@ from importlib.metadata import entry_points
 from typing import Any, TypeVar, cast
 
 from planlang.designators import Action, Condition, Object, a_location, action
+from planlang.failure_wording import NO_WAY
 from planlang.failures import (
     AmountNotPoured,
     BehindClosedDoor,
@@ -419,7 +420,7 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
     propagates; in the latter case the object stays where it was put. A concurrent step that waits with an object in its
     hand goes on before it is grasped again: with one hand empty there may be a way. If the failure is that no hand is
     free, that step goes on, or else the robot puts down what a hand holds; the step that needs that object next grasps
-    it again.
+    it again. If something stands in the only way of the base, no other grip helps, and the failure propagates.
     """
 
     regrasping = Usage("put_down_and_regrasp", {"what": "bottle"}, {"again": "fetch_bottle"})
@@ -435,6 +436,8 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
         is_held = executive_for("put_down_and_regrasp").holds(Condition("holding", (what,)))
         if is_held == (full is not None):  # the failure is about something else
             return PROPAGATE
+        if not other_waits and any(map(_is_shut_off, failure.chain())):
+            return PROPAGATE
         if full is not None:
             return await _one_set_aside(action(ASIDE, object_acted_on=one) for one in dict.fromkeys(full.held.values()))
         putting = action(ASIDE, object_acted_on=what)
@@ -449,6 +452,11 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
         return RETRY
 
     return regrasp
+
+
+def _is_shut_off(link: BaseException) -> bool:
+    """Check whether a search found floor for the base, but no way there because of a body that is named."""
+    return isinstance(link, LocationUnresolvable) and {*link.counts} == {NO_WAY} and bool(link.changes)
 
 
 async def _one_set_aside(actions: Iterable[Action]) -> RecoveryResult:

@@ -13,6 +13,7 @@ from executive.belief.believed_bodies import BelievedBodies
 from executive.belief.scene_collisions import BasePose
 from planlang.advice import Change
 from planlang.designators import Action
+from planlang.failure_wording import NO_WAY as NO_WAY
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
 from planlang.geometry.areas import Clear, Facing, Region
@@ -32,7 +33,6 @@ class Reason:
 
 
 COLLISION, NO_ROOM, NOT_VISIBLE = "in collision", "no room for the base", "not visible"
-NO_WAY = "no way for the base"
 NOT_LOOKED_AT = "not looked at"
 OUT_OF_REACH = Reason("out of reach")
 NO_HOLD = Reason("no hold for the fingers")
