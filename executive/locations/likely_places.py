@@ -8,20 +8,21 @@ closed door, or of a closed drawer, is a separate place, which has to be opened 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
 
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
+from executive.locations.shut_ways import behind_doors
 from executive.locations.standing import Standing
 from executive.locations.views import NO_SCREENS, Size, Views
 from executive.maps.classes import MapObject
 from executive.maps.hollow import room_behind
 from planlang.designators import Object
-from planlang.failures import ObjectNowhereToBeFound
+from planlang.failures import BehindClosedDoor, ObjectNowhereToBeFound
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Block
 from planlang.ontology import Literal, Ontology, expand
@@ -70,6 +71,8 @@ class LikelyPlace:
     """Travel time, plus the time to open and close it if it is closed [s]."""
     is_shut: bool = False
     """True for a closed door or drawer, to be opened first; then ``base`` is the robot's present pose."""
+    behind: BehindClosedDoor | None = None
+    """The doors between rooms that are to be opened first, if any; then ``base`` is the robot's present pose."""
 
     @property
     def worth(self) -> float:
@@ -90,6 +93,10 @@ class Search:
     """Places that could not be searched, and why."""
     left_open: list[str] = field(default_factory=list)
     """Doors and drawers that could not be closed again."""
+    opened_for: list[str] = field(default_factory=list)
+    """Places for which doors between rooms were opened, or were to be."""
+    stuck: list[str] = field(default_factory=list)
+    """Doors between rooms that could not be opened."""
 
 
 class UsualPlaces:
@@ -167,12 +174,17 @@ class Searches:
     def next(self, search: Search, *, opens: bool = False) -> LikelyPlace:
         """Select the unvisited place with the highest likelihood over travel time, and mark it as visited.
 
-        With ``opens``, closed doors and drawers are places, too. Raises ObjectNowhereToBeFound if there is none left.
+        With ``opens``, closed doors and drawers are places, too, and so are those behind closed doors between rooms,
+        which are not marked: with these open, other base poses show them. Raises ObjectNowhereToBeFound if there is
+        none left.
         """
         place = self._best(search, opens)
         if place is None:
             raise ObjectNowhereToBeFound(self._report(search), what=str(search.what))
-        search.visited[place.name] = place.base
+        if place.behind is None:
+            search.visited[place.name] = place.base
+        else:
+            search.opened_for.append(place.name)
         return place
 
     def view(self, search: Search, name: str, unseen: Array, screens: Array = NO_SCREENS) -> LikelyPlace | None:
@@ -201,6 +213,8 @@ class Searches:
         report = f"{search.what} was not found in any likely place; looked at: {searched or 'none'}"
         for name, problem in search.failed.items():
             report += f"; not {self._called(name)} ({problem})"
+        if unseen := [name for name in self._candidates(search, opens=False) if name not in search.failed]:
+            report += f"; not {', '.join(map(self._called, unseen))}, which no base pose shows that the robot gets to"
         return report + "".join(f"; {name} was opened and could not be closed again" for name in search.left_open)
 
     def _called(self, name: str) -> str:
@@ -247,7 +261,38 @@ class Searches:
                 place = self._place(search, name, likelihood, floor, self.points_of(name))
             if place is not None and (best is None or place.worth > best.worth):
                 best = place
+        if opens and (best is None or best.is_shut):
+            least = 0.0 if best is None else best.worth
+            open_ones = (one for one in bounds if not self._is_shut(one[1]))
+            best = self._behind_doors(search, open_ones, least) or best
         return best
+
+    def _behind_doors(
+        self, search: Search, bounds: Iterable[tuple[float, str, float, float]], least: float
+    ) -> LikelyPlace | None:
+        """Select the best place that is visible once doors between rooms are open, if it is worth more than ``least``.
+
+        ``bounds`` has likelihoods and travel times of places that are not visible as it is. To open these doors takes
+        as long as to open furniture, and shows a whole room.
+        """
+        if not any(one.frame and one.leaf not in search.stuck for one in self.scene.belief.joints.values()):
+            return None
+        timed = (LikelyPlace(name, odds, self.scene.base(), NOTHING, time + OPENING) for _, name, odds, time in bounds)
+        for one in sorted(timed, key=lambda one: (-one.worth, one.name)):
+            if one.worth <= least:
+                return None
+            if (name := one.name) in search.opened_for:
+                continue
+
+            def is_visible(scene: PlanningScene, name: str = name) -> bool:
+                then = Searches(scene, lambda base: 0.0)
+                floor = Standing(scene).all_over(SPACING)
+                return then._place(search, name, 0.0, floor, then.points_of(name)) is not None
+
+            behind = behind_doors(self.scene, is_visible, name, f"a view of {name}", search.stuck)
+            if behind is not None:
+                return replace(one, behind=behind)
+        return None
 
     def _is_shut(self, name: str) -> bool:
         """Check whether a place is a closed door or drawer, which hides its contents."""

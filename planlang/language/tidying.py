@@ -64,20 +64,23 @@ async def _put_down(failure: PlanFailure) -> None:
         failure.afterwards = tuple(await perform(action("EmptyingTheHands", after_failure=kinds)) or ())
 
 
-async def passed(door: Object, beyond: FixedPose) -> None:
+async def passed(door: Object, beyond: FixedPose | None) -> None:
     """Close a door from ``beyond``, its other side, if no later step leads back through it; else after the plan.
 
-    The robot drives through it for that. Also after the plan if a hand is not empty, if the door cannot be closed from
+    The robot drives through it for that. Without ``beyond`` nobody knows yet where the robot goes from there, as in a
+    search: it is closed after the plan. So it is if a hand is not empty, if the door cannot be closed from
     there, or if another one is left open, to which a later step leads. It stays open if a later step is to open it.
     Without effect outside of :func:`tidied`.
     """
     owed, executive = _owed.get(), executive_for("passed")
     if owed is None or any(_opens(step, door, executive) for step in remaining_actions()):
         return
-    if not owed and not executive.held() and not executive.holds(Condition("leads_back", (door, beyond))):
+    if beyond is not None and not owed and not executive.held():
+        leads_back = executive.holds(Condition("leads_back", (door, beyond)))
         with suppress(PlanFailure):
-            await perform(action("ClosingAContainerArtifact", object_acted_on=door, to_location=beyond))
-            return
+            if not leads_back:
+                await perform(action("ClosingAContainerArtifact", object_acted_on=door, to_location=beyond))
+                return
     owed[door] = None
 
 

@@ -19,9 +19,10 @@ from executive.modules.platform import Platform, PlatformModule
 from planlang.designators import Action, Location, Object, Situation, action, local_name
 from planlang.failures import (
     ActionUnresolvable,
+    BehindClosedDoor,
     DesignatorFailure,
     EnvironmentManipulationFailure,
-    HandsFull,
+    LocationUnresolvable,
     LookingFailure,
     LookingGoalUnreachable,
     ManipulationFailure,
@@ -34,7 +35,10 @@ from planlang.geometry import Array
 from planlang.kernel import checkpoint, now
 from planlang.language.performing import perform
 from planlang.language.process_module import process_module
+from planlang.language.recovery import Recovery
+from planlang.language.tidying import passed
 from planlang.records import dataclass
+from planlang.recoveries import open_what_is_in_the_way
 
 ABOUT = 2.0
 """Distance of the points to look at in unknown surroundings [m]."""
@@ -46,7 +50,7 @@ VIEWS = 3
 """Most base poses from which to look at one place."""
 MOST_UNSEEN = 0.5
 """Share of a place that may stay hidden before the search of it counts as failed."""
-IN_VAIN = (EnvironmentManipulationFailure, HandsFull, ManipulationFailure, NavigationFailure, StateUnknown)
+IN_VAIN = (EnvironmentManipulationFailure, LocationUnresolvable, ManipulationFailure, NavigationFailure, StateUnknown)
 """Failures to open or close a door or drawer after which the search continues."""
 
 
@@ -204,9 +208,29 @@ async def _search_next(platform: Platform, search: Search) -> str | None:
         if not await _drives(goal) or now() == before:  # a view from where the robot already is shows nothing new
             platform.exploration.missed()
         return None
+    if place.behind is not None:
+        await _open_rooms(platform, search, place.name, place.behind)
+        return None
     if place.is_shut:
         return await _seen_inside(platform, search, place.name)
     return await _seen_at(platform, search, place.name, place)
+
+
+async def _open_rooms(platform: Platform, search: Search, name: str, behind: BehindClosedDoor) -> None:
+    """Open the doors between rooms that hide a place; those that were shut are closed again after the plan."""
+    doors = (one for one in (behind.door, *behind.further) if one is not None)
+    shut = [door for door in doors if door in dict(behind.beyond)]
+    # without the other sides of the doors: nobody knows yet in which room the search will end
+    hidden = BehindClosedDoor(designator=behind.designator, what=name, door=behind.door, further=behind.further)
+    try:
+        await open_what_is_in_the_way(platform.scene.bodies.designator(name))(hidden)
+    except IN_VAIN as failure:
+        search.failed[name] = str(failure)
+        leaves = map(platform.scene.bodies.bind, shut)
+        search.stuck.extend(leaf for leaf in leaves if not platform.belief.is_left_open(leaf))
+    for door in shut:
+        if platform.belief.is_left_open(platform.scene.bodies.bind(door)):
+            await passed(door, None)
 
 
 def _lacks_places(platform: Platform, search: Search) -> bool:
@@ -248,7 +272,8 @@ async def _seen_inside(platform: Platform, search: Search, leaf: str) -> str | N
     belief, bodies = platform.belief, platform.scene.bodies
     what = bodies.designator(leaf)
     try:
-        await perform(action("OpeningAContainerArtifact", object_acted_on=what))
+        way = Recovery(BehindClosedDoor, open_what_is_in_the_way(what))
+        await perform(action("OpeningAContainerArtifact", object_acted_on=what), recoveries=[way])
     except IN_VAIN as failure:
         search.failed[leaf] = str(failure)
     name = _remembered(platform, search.what)
