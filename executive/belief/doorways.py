@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -32,6 +31,8 @@ AS_FAR_AS_IT_GOES = 0.97
 """Share of its range from which on it does not help to open a door further."""
 BEYOND = 0.3
 """Distance from a doorway at which there is floor on either side of it, and radius of the floor that counts [m]."""
+AXES = (np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([[0.0, 1.0], [0.0, -1.0]]))
+"""Both directions along x and along y."""
 PAST = 0.9
 """Distance from a shut leaf at which the base has passed its door [m]."""
 
@@ -110,7 +111,8 @@ def needed_width(scene: PlanningScene) -> float:
 def _doorways(scene: PlanningScene) -> list[tuple[str, Block, float, Articulation | None]]:
     """List the doorways of the map with their widths [m] and doors, without those through which the base can drive.
 
-    The width is that of the side before which there is floor, less what a door in it takes as it is.
+    The width is that of the side before which there is floor, or of the wider side if something stands before both,
+    less what a door in it takes as it is.
     """
     found = []
     known, boxes, reached = scene.belief.map, _without_doors(scene), scene.collisions.reached()
@@ -119,11 +121,13 @@ def _doorways(scene: PlanningScene) -> list[tuple[str, Block, float, Articulatio
         if thing.pose is None or thing.size is None or not known.ontology.any_is_a(thing.types, OPENINGS):
             continue
         block = Block.of(thing.pose, thing.size)
-        beyond = (block.half_x + BEYOND) * np.array([[math.cos(block.yaw), math.sin(block.yaw)]])
-        before = np.array([[block.x, block.y]]) + np.concatenate([beyond, -beyond])
-        leads_along = bool((clearance_at(before, boxes, SLIM) > 0.0).all())
-        door = doors.get(thing.name)
-        if gets_past(scene, door) if door else all(reached.comes_near(point, BEYOND) for point in before):
+        beyond = block.half_x + BEYOND, block.half_y + BEYOND
+        before, aside = (block.to_map(half * AXES[i]) for i, half in enumerate(beyond))
+        is_free, is_free_aside = (bool((clearance_at(one, boxes, SLIM) > 0.0).all()) for one in (before, aside))
+        # furniture on one side of it hides which way it leads: no doorway is deeper than wide
+        leads_along = block.half_x <= block.half_y if is_free == is_free_aside else is_free
+        door, sides = doors.get(thing.name), before if leads_along else aside
+        if gets_past(scene, door) if door else all(reached.comes_near(point, BEYOND) for point in sides):
             continue
         width = round(2 * (block.half_y if leads_along else block.half_x), 6)
         if door is not None:

@@ -98,6 +98,20 @@ def test_no_doorway_is_named_where_all_are_wide_enough_or_passed() -> None:
         assert narrow.name == "doorway2", "the first doorway is passed"
 
 
+def test_a_doorway_is_as_wide_as_it_is_though_a_box_stands_in_it() -> None:
+    rooms = room_of("room0", (-3.0, -2.0), (0.0, 2.0)), room_of("room1", (0.1, -2.0), (3.0, 2.0))
+    box = thing("box", "Box-Container", Pose((0.35, 0.1, 0.15)), (0.4, 0.5, 0.3))
+    drawn = Flat(
+        "two rooms", (*rooms, box, doorway("doorway1", 0.05, 0.0, 0.9)), (0.9,), (-1.5, 0.0, 0.0), (2.0, 0.5, 0.0)
+    )
+    with ExitStack() as stack:
+        scene = in_flat(stack, drawn, "amigo").scene
+        goal = np.array(drawn.goal[:2])
+        assert not scene.collisions.has_way(drawn.goal)
+        assert narrow_doorway(scene, goal) is None, "it would be wide enough"
+        assert scene.collisions.closes_way(goal, 0.15) == ("box",)
+
+
 def test_a_base_is_near_a_table_only_on_this_side_of_a_wall() -> None:
     rooms = room_of("room0", (-3.0, -2.0), (0.0, 2.0)), room_of("room1", (0.1, -2.0), (3.0, 2.0))
     table = thing("table", "KitchenTable", Pose((0.35, 0.5, 0.37)), (0.5, 0.9, 0.74))
