@@ -138,8 +138,14 @@ class Navigation(PlatformModule):
             case None, None, None, Posture(name=str(name)) | str(name) if goal := self.platform.made_goal(name):
                 return goal
             case None, None, None, Location() | Object() as where:
-                return await self._place(where if isinstance(where, Location) else a_location(in_reach_of=where))
+                return await self._place(where if isinstance(where, Location) else self._at(where))
         raise ActionUnresolvable("state a goal of the base: to_location, or x, y and yaw", designator=str(action))
+
+    def _at(self, what: Object) -> Location:
+        """Say where the base goes if it is sent to a thing: into a room, within reach of anything else."""
+        bodies = self.platform.scene.bodies
+        is_room = bodies.is_room(bodies.bind(what))
+        return a_location(in_=what) if is_room else a_location(in_reach_of=what)
 
     async def _place(self, location: Location) -> BasePose:
         """Find the best base pose of a location, if need be after other robots have left."""

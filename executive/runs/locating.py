@@ -37,6 +37,7 @@ from planlang.phrases.lexicon import GRASP_FORMS
 from planlang.progress import Report, Waiting, unreported, unwatched
 from planlang.records import dataclass
 from planlang.relations import RELATIONS
+from planlang.relations.reaching import In
 from planlang.words import Blank, Option, Text, joined
 from sim import PlanningWorld, PyBulletWorld, Scene
 
@@ -293,7 +294,8 @@ def _other_subject(location: Location, what: Object | None, lexicon: Lexicon) ->
     """Advice for a relation that applies to poses of a thing but not of the base, or vice versa."""
     for relation in location.relations:
         meaning = RELATIONS[relation.name]
-        if what is None and meaning.of_base is None:
+        # a base is in rooms only
+        if what is None and (meaning.of_base is None or isinstance(meaning, In)):
             hints = [Text(Option("of", Blank("THING")), " searches poses of a thing")] if meaning.of_thing else []
             if meaning.of_hand:
                 hints.append(Text(f'for a hand, write "in reach of a place {write_relation(relation, lexicon)}"'))

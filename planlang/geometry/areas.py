@@ -121,6 +121,16 @@ class Block:
         """Make the area within distances of it [m], on sides with these headings [rad], all around without any."""
         return Area(words, body, self, radius, *bounds, headings)
 
+    def inside(self, words: str, body: str, radius: float, *, negated: bool = False) -> Area:
+        """Make the places of a round outline of a radius [m] that is wholly inside it, or wholly outside if negated.
+
+        In a room that is narrower than the outline its middle is on the middle line.
+        """
+        if negated:
+            return Area(words, body, self, radius, 0.0, 0.0, negated=True)
+        half_x, half_y = max(self.half_x - radius, 0.0), max(self.half_y - radius, 0.0)
+        return Area(words, body, replace(self, half_x=half_x, half_y=half_y), 0.0, 0.0, 0.0)
+
     def towards(self, words: str, other: Block) -> Strip:
         """Make the strip between it and another block."""
         return Strip(words, self, other)

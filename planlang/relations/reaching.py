@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from planlang.relations.demands import (
     HEIGHTS,
     AtGrip,
@@ -15,6 +17,9 @@ from planlang.relations.demands import (
     Subject,
 )
 from planlang.relations.relation_type import Meaning, Parts, RelationType, bounds
+
+if TYPE_CHECKING:
+    from planlang.geometry.areas import Area
 
 HIGHEST = 1.0
 """Greatest height of a hand above the least one if nothing limits it [m]: no bundled arm reaches farther."""
@@ -131,9 +136,14 @@ class In(RelationType):
     name = "in_"
     owl = "in-ContGeneric"
     forms = ("in", "inside", "inside of")
+    of_base = Meaning("a room: the whole base is inside it")
     of_hand = Meaning("puts the held object into X, from above")
     of_thing = Meaning("rests inside X's volume; a solid box has no room")
     leads_hand = True
+
+    def base(self, at: Conjunct, bodies: Bodies, radius: float) -> Area:
+        """Stand in the room, with all of the outline: whoever is sent there does not stay in its doorway."""
+        return bodies.block(at.body).inside(at.words, at.body, radius, negated=at.negated)
 
     def reach(self, at: Conjunct, bodies: Bodies) -> Reach:
         """Put something into it."""
@@ -148,8 +158,11 @@ class In(RelationType):
         return Rest(at.body, inside=True)
 
     def check(self, at: Conjunct, bodies: Bodies, subject: Subject) -> Parts:
-        """Nothing is inside of what has no size."""
-        if (problem := super().check(at, bodies, subject)) or min(bodies.size(at.body)) > 0:
+        """Nothing is inside of what has no size, and a base only in a room."""
+        problem = super().check(at, bodies, subject)
+        if not problem and subject == "base" and not bodies.is_room(at.body):
+            return at, " means nothing for a base: it takes a room, and ", f"{at.body} is not a room"
+        if problem or min(bodies.size(at.body)) > 0:
             return problem
         return (f"{at.body} has no size: nothing can be in it",)
 

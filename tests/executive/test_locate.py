@@ -264,7 +264,7 @@ def test_a_conjunction_that_contradicts_itself_cannot_be_used_and_is_told_so(phr
     some(
     [
         ("on the patient", "the bottle", "patient1 has no level top", None),
-        ("above the bed", None, "means nothing for a base; relations that apply: in reach of, in front of", None),
+        ("above the bed", None, "means nothing for a base; relations that apply: in reach of, in, in front of", None),
         ("above the bed", None, "", '"in reach of a place above the bed"'),
         ("in cabinet1", None, "'in cabinet1' means nothing for a base", "--of THING"),
         ("on a bed", None, "'on the bed' means nothing", '--of THING searches poses of a thing; for a hand'),

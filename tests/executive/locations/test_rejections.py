@@ -260,8 +260,8 @@ def test_all_places_that_were_not_looked_at_are_counted(
 @pytest.mark.parametrize(
     ("location", "said"),
     [
-        (a_location(above=an_object("Bed-PieceOfFurniture")), "in_reach_of, in_front_of, behind"),
-        (a_location(on=THE_BOTTLE), "in_reach_of, in_front_of, behind"),
+        (a_location(above=an_object("Bed-PieceOfFurniture")), "in_reach_of, in_, in_front_of, behind"),
+        (a_location(on=THE_BOTTLE), "in_reach_of, in_, in_front_of, behind"),
         (a_location(in_reach_of=a_location(visible_from=THE_BOTTLE)), "in_reach_of, above, on, in_, in_center_of"),
         (a_location(in_reach_of=a_location(facing=THE_BOTTLE)), "in_reach_of, above, on, in_, in_center_of"),
     ],
