@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from executive.goals.checking import leaves_of, name_of
+from executive.goals.interchanging import Interchange
 from executive.goals.true_bodies import TrueBodies
 from executive.maps import SemanticMap
 from planlang.designators import Location, Object, Relation, local_name
@@ -52,13 +53,17 @@ class Verdict:
     """What is so instead; "" if the goal holds."""
     declared: bool = False
     """True if the recipe declares the goal."""
+    instead: tuple[str, str] | None = None
+    """Thing of which the goal holds, and the one that is named, from which it differs in nothing; None for itself."""
 
     def __str__(self) -> str:
-        return f"goal {self.goal}: {'holds' if self.holds else f'does not hold: {self.reason}'}"
+        of = "" if self.instead is None else " of {}, which is like {}".format(*self.instead)
+        return f"goal {self.goal}: {f'holds{of}' if self.holds else f'does not hold: {self.reason}'}"
 
     def as_json(self) -> dict[str, Any]:
         """The verdict as JSON."""
-        return {"goal": self.goal, "holds": self.holds, "reason": self.reason or None, "declared": self.declared}
+        verdict = {"goal": self.goal, "holds": self.holds, "reason": self.reason or None, "declared": self.declared}
+        return verdict if self.instead is None else {**verdict, "of": self.instead[0]}
 
 
 class _World:
@@ -87,20 +92,31 @@ class Judge:
         """
         self._stated, self._declared = tuple(goals), tuple(declared)
         self._world = _World(truth, semantic_map, radius)
+        phrases = [one for one in self._stated if not isinstance(one, Predicate)]
+        self._interchange = Interchange(
+            [*phrases, *self._declared], truth, lambda what: name_of(what, semantic_map), self._unmet
+        )
+
+    def _unmet(self, goal: Goal, of: str | None) -> str | None:
+        return _Decision(goal, self._world, of).unmet()
 
     def verdicts(self) -> tuple[Verdict, ...]:
         """Let the world come to rest, and decide the goals."""
         if not (self._stated or self._declared):
             return ()
         come_to_rest(self._world.truth)
-        declared = (replace(self._verdict(goal), declared=True) for goal in self._declared)
-        return (*map(self._verdict, self._stated), *declared)
+        others = self._interchange.chosen()
+        declared = (replace(self._verdict(goal, others), declared=True) for goal in self._declared)
+        return (*(self._verdict(goal, others) for goal in self._stated), *declared)
 
-    def _verdict(self, goal: Goal | Predicate) -> Verdict:
+    def _verdict(self, goal: Goal | Predicate, others: Mapping[str, str]) -> Verdict:
         if isinstance(goal, Predicate):
             return _of_predicate(goal, self._world.truth)
-        unmet = _Decision(goal, self._world).unmet()
-        return Verdict(goal.text, unmet is None, unmet or "")
+        name = None if goal.subject is None else name_of(goal.subject, self._world.map)
+        other = None if name is None else others.get(name)
+        unmet = self._unmet(goal, other)
+        instead = None if unmet is not None or name is None or other is None else (other, name)
+        return Verdict(goal.text, unmet is None, unmet or "", instead=instead)
 
 
 def come_to_rest(world: Any) -> None:
@@ -146,15 +162,16 @@ def _of_predicate(goal: Predicate, truth: Truth) -> Verdict:
 class _Decision:
     """Decides one goal."""
 
-    def __init__(self, goal: Goal, world: _World) -> None:
-        self._goal, self._world, self._truth = goal, world, world.truth
+    def __init__(self, goal: Goal, world: _World, of: str | None = None) -> None:
+        """``of`` names a thing that stands for the one that the goal names."""
+        self._goal, self._world, self._truth, self._of = goal, world, world.truth, of
 
     def unmet(self) -> str | None:
         """Say why the goal does not hold; None if it does."""
         goal = self._goal
         if goal.subject is None:
             return self._of_robot(goal.fact)
-        name = name_of(goal.subject, self._world.map)
+        name = self._of or name_of(goal.subject, self._world.map)
         if name is not None:
             return self._of_thing(name, goal.fact)
         return self._of_class(goal.subject, goal.fact)

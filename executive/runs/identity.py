@@ -11,6 +11,7 @@ from executive.belief import Belief
 from executive.belief.planning_scene import PlanningScene
 from planlang.changes import Change, Physics, Poured, Simulated, Switched, Transformed, TurnedOver
 from sim import PyBulletWorld
+from sim.likeness import is_of_kind
 
 SAME_PLACE = 0.05
 """Distance of a true thing from where the one of its name is believed, up to which it surely is that [m]."""
@@ -48,11 +49,7 @@ class Identities:
 
     def _is_alike(self, one: str, name: str) -> bool:
         true, believed = self._truth.scene.body(one), self._scene.world.scene.body(name)
-        return true.type == believed.type and max(map(_apart, true.size, believed.size)) <= SIZE
-
-
-def _apart(one: float, other: float) -> float:
-    return abs(one - other)
+        return is_of_kind(true, believed, SIZE)
 
 
 class TrueEffects(Physics):

@@ -11,6 +11,7 @@ import numpy as np
 from executive.maps import SemanticMap, read_map
 from planlang.geometry import Pose
 from planlang.ontology import load
+from sim.likeness import is_like
 from sim.scene import BodyShape
 from tests.support.exploring import visible_at_all, watch_pictures
 from tests.support.scenarios import Goal, Scenario, Watched
@@ -75,8 +76,7 @@ def _untrue(watched: Watched, visible: set[str]) -> Iterator[str]:
             if name in visible:
                 yield f"{name} is not in the uploaded map"
             continue
-        # things of a class and size are one as good as the other to a camera
-        alike = (one for one, other in real.items() if (other.type, other.size) == (body.type, body.size))
+        alike = (one for one, other in real.items() if is_like(other, body))
         free = (one for one in alike if one not in taken and _is_at(known.pose, watched.world.pose(one)))
         if (found := next(free, None)) is not None:
             taken.add(found)
