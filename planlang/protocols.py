@@ -150,6 +150,10 @@ class Detection:
     """What a label or mark on it says."""
     face_of: str | None = None
     """Whose face it is: the mark of a person."""
+    deviation: float = 0.0
+    """Standard deviation of the position along each axis, as the camera states of itself [m]; 0 if it is exact."""
+    angle_deviation: float = 0.0
+    """The same of the rotation about each axis [rad]."""
 
     @property
     def name(self) -> str:

@@ -57,8 +57,10 @@ class Camera:
             if not model.near <= place.distance(pose) <= model.far:
                 continue
             share = min(1.0, count / max(self._silhouette(name, model, pose), 1.0))
-            marks = {"face_of": body.mark} if body.shape is BodyShape.PERSON else {"label": body.mark}
-            found[name] = Detection(body.type, place, round(share, 3), body.size, colour=body.colour, **marks)
+            label, face = (None, body.mark) if body.shape is BodyShape.PERSON else (body.mark, None)
+            found[name] = Detection(
+                body.type, place, round(share, 3), body.size, colour=body.colour, label=label, face_of=face
+            )
         return found
 
     def scan(self, model: CameraModel, pose: Pose) -> tuple[Array, NDArray[np.bool_]]:

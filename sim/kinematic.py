@@ -23,7 +23,7 @@ from sim.falling import Falling
 from sim.leaves import LeafGrasp, Leaves
 from sim.people import ComfortZone, People, parts_of
 from sim.robot import Robot
-from sim.scene import Body, BodyShape, CameraModel, RobotBody, Scene
+from sim.scene import Body, BodyShape, CameraModel, CameraNoise, RobotBody, Scene
 from sim.truth import ROBOT
 
 NEAR_BY = 0.01
@@ -191,6 +191,11 @@ class KinematicScene:
 
     def _optics(self) -> CameraModel:
         return self.robot.body.camera
+
+    @property
+    def camera_noise(self) -> CameraNoise:
+        """How the robot's camera errs; exact without a robot."""
+        return CameraNoise() if self._robot is None else self._optics().noise
 
     # Bodies
 

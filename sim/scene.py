@@ -172,6 +172,75 @@ class Scene:
         return replace(self, bodies=tuple(replace(body, pose=poses.get(body.name, body.pose)) for body in self.bodies))
 
 
+UNSURE, MOST_PICTURES = 1e-3, 6
+"""Probability with which a thing may be missed in all pictures that are taken to be sure, and most of these."""
+
+
+@dataclass(frozen=True, slots=True)
+class CameraNoise:
+    """How a camera errs; with all zero it is exact. What it errs by is drawn anew for each thing in each picture."""
+
+    position: float = 0.0
+    """Standard deviation of a position along each axis, the part that does not depend on the distance [m]."""
+    position_per_metre: float = 0.0
+    """The part that grows with the distance from the camera [m/m]; the variances of both parts add up."""
+    angle: float = 0.0
+    """Standard deviation of the rotation about each axis [rad]."""
+    misses: float = 0.0
+    """Probability that a picture does not show a thing of which all is in sight, at no distance."""
+    misses_hidden: float = 0.0
+    """The same because of what hides a thing, as nothing of it is left in sight; proportional to the hidden share."""
+    misses_far: float = 0.0
+    """The same because of its distance, at the end of the camera's range; proportional to the distance."""
+    confusions: tuple[tuple[str, str, float], ...] = ()
+    """Class, class for which its things are taken, probability."""
+
+    @property
+    def is_exact(self) -> bool:
+        """True for a camera that does not err."""
+        return self == CameraNoise()
+
+    def deviation(self, distance: float) -> float:
+        """Compute the standard deviation of a position along each axis, at a distance from the camera [m]."""
+        return math.hypot(self.position, self.position_per_metre * distance)
+
+    def missing(self, visible: float, far: float) -> float:
+        """Compute the probability that a picture does not show a thing, for shares of it in sight and of the range."""
+        shown = (1 - self.misses) * (1 - self.misses_hidden * (1 - visible)) * (1 - self.misses_far * min(1.0, far))
+        return 1 - shown
+
+    @property
+    def pictures(self) -> int:
+        """Number of pictures, one of which almost surely shows a thing that is there, half hidden and half as far."""
+        missed = self.missing(0.5, 0.5)
+        if not 0 < missed < 1:
+            return 1 if missed <= 0 else MOST_PICTURES
+        return min(MOST_PICTURES, math.ceil(math.log(UNSURE) / math.log(missed)))
+
+    def scaled(self, factor: float) -> CameraNoise:
+        """Make the noise with all deviations and probabilities multiplied by a factor, the latter up to 1."""
+        total = dict[str, float]()
+        for one, _, often in self.confusions:
+            total[one] = total.get(one, 0.0) + factor * often
+        confused = ((one, other, factor * often / max(1.0, total[one])) for one, other, often in self.confusions)
+        return CameraNoise(
+            position=factor * self.position,
+            position_per_metre=factor * self.position_per_metre,
+            angle=factor * self.angle,
+            misses=min(1.0, factor * self.misses),
+            misses_hidden=min(1.0, factor * self.misses_hidden),
+            misses_far=min(1.0, factor * self.misses_far),
+            confusions=tuple(confused) if factor else (),
+        )
+
+
+TYPICAL = CameraNoise(
+    position=0.003, position_per_metre=0.002, angle=0.035, misses=0.05, misses_hidden=0.5, misses_far=0.1
+)
+"""Noise of a camera for which no other is stated, if it is to err: that of a depth camera of the Kinect kind and of the
+estimation of poses in its pictures, about 4 mm and 2 degrees at 1 m."""
+
+
 @dataclass(frozen=True, slots=True)
 class CameraModel:
     """Optics of a camera at a link of the robot."""
@@ -190,6 +259,7 @@ class CameraModel:
     """Upward direction of its picture, in the link's frame."""
     recognises: tuple[str, ...] | None = None
     """Classes of things with recognition models from the start; None: all."""
+    noise: CameraNoise = CameraNoise()
 
     @property
     def half_angle(self) -> float:

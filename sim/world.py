@@ -15,6 +15,7 @@ from planlang.protocols import Configuration, Contact, Detection, Motion, Motion
 from planlang.records import dataclass
 from planlang.state import WorldState, apply, is_free
 from sim.contact import Query
+from sim.erring import Erring
 from sim.joints import Controls
 from sim.kinematic import KinematicScene
 from sim.mirror import EngineQueries
@@ -187,7 +188,7 @@ class PyBulletWorld(KinematicScene):
     def __init__(
         self, scene: Scene, robot: RobotBody | None = None, *, gui: bool = False, rate: int = 30, seed: int = 0
     ) -> None:
-        """Create the world; ``seed`` is only recorded, since nothing in here is random."""
+        """Create the world; by the ``seed`` the camera errs, if it does: nothing else in here is random."""
         super().__init__(scene, robot, gui=gui, rate=rate)
         self.seed, self.steps = seed, 0
         self._pushes: dict[str, str] = {}
@@ -207,6 +208,7 @@ class PyBulletWorld(KinematicScene):
         if self._robot is not None:
             self._pushing = Pushing(self._bodies, self._leaves, self._contacts, self.gravity)
             self._outlook = Outlook(self._contacts, self._here)
+            self._erring = Erring(self._optics(), seed, lambda name: self.scene.body(name).kinds)
 
     # Time and motions
 
@@ -441,10 +443,12 @@ class PyBulletWorld(KinematicScene):
         return tuple(sorted(self.shown(camera_link).values(), key=order))
 
     def shown(self, camera_link: str) -> dict[str, Detection]:
-        """Body -> what the camera at a link recognises of it: the truth, which no robot has."""
+        """Body -> what the camera at a link recognises of it, in one picture: which body it is no robot knows."""
         self._here()
-        found = self._camera.detect(self._optics(), self.robot.link_pose(camera_link))
-        return {name: replace(one, state=self._controls.shown(name)) for name, one in found.items()}
+        optics, eye = self._optics(), self.robot.link_pose(camera_link)
+        found = self._camera.detect(optics, eye)
+        shown = {name: replace(one, state=self._controls.shown(name)) for name, one in found.items()}
+        return shown if optics.noise.is_exact else self._erring.told(shown, eye)
 
     def scan(self, camera_link: str) -> tuple[Array, NDArray[np.bool_]]:
         """Trace lines through the camera's pixels: ends (n, 3) in the map, and whether each is on a surface, (n,)."""

@@ -109,6 +109,10 @@ def _body_lines(robot: Robot, file: Path) -> Iterator[str]:
     yield f"  torso: {robot.torso or 'none'}"
     camera = f"{robot.camera.link}, turned by {', '.join(robot.neck) or 'the base'}" if robot.camera else "none"
     yield f"  camera: {camera}"
+    if robot.camera is not None and not (noise := robot.camera.noise).is_exact:
+        deviations = f"{noise.position:g} m, {noise.position_per_metre:g} m/m and {noise.angle:g} rad"
+        confused = f", confuses {len(noise.confusions)} pairs of classes" if noise.confusions else ""
+        yield f"    errs by {deviations}, misses {100 * noise.missing(1.0, 0.5):.0f} % half-way to its range{confused}"
 
 
 def _arm_lines(

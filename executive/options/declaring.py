@@ -12,6 +12,7 @@ from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
+from planlang.designators import GRASPS
 from planlang.diagnostics import BadInput, Diagnostic, Span, WrongOption, error
 from planlang.files import decode, read_file
 from planlang.outputs import Named, check_outputs
@@ -333,6 +334,14 @@ def goals(given: Any) -> list[Any]:
     if not all(isinstance(one, str) or callable(one) for one in each):
         raise WrongOption(Option("goal"), ": write a phrase such as 'cabinet1 closed', or a function of the true world")
     return each
+
+
+def grasp(given: Any) -> str:
+    """Check a class of grasps. Raises WrongOption."""
+    if given not in GRASPS:
+        raise WrongOption(Option("grasp", given), f": write {' or '.join(GRASPS)}")
+    found: str = given
+    return found
 
 
 def shard(given: Any) -> tuple[int, int]:

@@ -22,12 +22,17 @@ def header_entries(settings: RunSettings, **instead: Any) -> dict[str, Any]:
 
     A value of ``instead`` may be empty, and is stated then: a robot may have no recognition model.
     """
-    values = {name: instead.get(name, getattr(settings, name) or None) for name in in_header()}
+    values = {name: instead.get(name, given_or(getattr(settings, name))) for name in in_header()}
     return {
         one.key: list(value) if isinstance(value, tuple) else value
         for name, one in in_header().items()
         if (value := values[name]) is not None
     }
+
+
+def given_or(value: Any, otherwise: Any = None) -> Any:
+    """Return the value of an option, or ``otherwise`` for none: for None, False, and what is empty; 0 is a value."""
+    return value if value or type(value) in (int, float) else otherwise
 
 
 def settings_from_header(header: Mapping[str, Any]) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from executive.options.declaring import (
     bindings,
     faults,
     goals,
+    grasp,
     name,
     names,
     option,
@@ -27,7 +28,7 @@ from executive.options.engines import LOCAL, engine, seconds
 from executive.options.results import ResultFiles
 from executive.options.varying import labelled, varied
 from planlang.designators import GRASPS
-from planlang.diagnostics import BadInput, WrongOption, error
+from planlang.diagnostics import BadInput, error
 from planlang.language.source import PlanSource
 from planlang.outputs import PNG, PNG_OR_SVG, WEBP
 from planlang.records import dataclass
@@ -49,14 +50,6 @@ def source(given: Any) -> Source:
         return found
     advice = "write the name of a bundled recipe, a path, or the text"
     raise BadInput([error("C040", f"{given!r} is neither a recipe nor a plan", help=advice)])
-
-
-def grasp(given: Any) -> str:
-    """Check a class of grasps. Raises WrongOption."""
-    if given not in GRASPS:
-        raise WrongOption(Option("grasp", given), f": write {' or '.join(GRASPS)}")
-    found: str = given
-    return found
 
 
 Recipe = Annotated[
@@ -288,6 +281,17 @@ class SituationSettings(TaskOptions):
             metavar="P",
             help="Let something go wrong by chance with this probability at each opportunity, by the seed.",
             in_header=InHeader("fault_rate"),
+        ),
+    ] = None
+    camera_noise: Annotated[
+        float | None,
+        option(
+            least=0,
+            most=100,
+            metavar="FACTOR",
+            help="Multiply by this how the camera errs as the robot file states it, by the seed; 0: exact. If the file "
+            "states nothing, 1 is a typical depth camera.",
+            in_header=InHeader("camera_noise"),
         ),
     ] = None
     ignore_unread: IgnoreUnread = False

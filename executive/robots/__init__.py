@@ -11,7 +11,7 @@ a URDF and an SRDF: ``anatomy`` finds arms, hands, torsos and legs in the kinema
 from executive.robots.binding import bind_draft, bind_robot, robots
 from executive.robots.matching import Missing, missing_capabilities, possessions_of
 from executive.robots.requirements import Availability, FindingKind, requirements
-from executive.robots.robot import CARRYING, Arm, Gripper, Robot, trusting_map
+from executive.robots.robot import CARRYING, Arm, Gripper, Robot, with_options
 
 __all__ = [
     "CARRYING",
@@ -27,5 +27,5 @@ __all__ = [
     "possessions_of",
     "requirements",
     "robots",
-    "trusting_map",
+    "with_options",
 ]

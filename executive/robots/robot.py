@@ -19,6 +19,7 @@ from planlang.diagnostics import BadInput, Diagnostic, Span, error
 from planlang.ontology import Literal, Ontology, expand
 from planlang.records import dataclass
 from sim import CameraModel, RobotBody
+from sim.scene import TYPICAL
 
 
 @dataclass(frozen=True, slots=True)
@@ -367,9 +368,19 @@ class Robot:
         return RobotBody(self.urdf, camera, hands, (*self.allowed_contacts, *fingers), start, tuple(self.limits))
 
 
-def trusting_map(robot: Robot) -> Robot:
-    """Give a robot the capability to recognise objects: it looks them up in the map, which the user vouches for."""
-    return replace(robot, parts=(*robot.parts, *_RECOGNITION), claims={**dict.fromkeys(_RECOGNISING), **robot.claims})
+def with_options(robot: Robot, *, trusts_map: bool, camera_noise: float | None) -> Robot:
+    """Make the robot as the options of a run change it.
+
+    One that ``trusts_map`` gets the capability to recognise objects: it looks them up in the map, for which the user
+    vouches. ``camera_noise`` multiplies how the camera errs, or would err typically, if it is exact.
+    """
+    if trusts_map:
+        claims = {**dict.fromkeys(_RECOGNISING), **robot.claims}
+        robot = replace(robot, parts=(*robot.parts, *_RECOGNITION), claims=claims)
+    if camera_noise is None or robot.camera is None:
+        return robot
+    noise = TYPICAL if robot.camera.noise.is_exact else robot.camera.noise
+    return replace(robot, camera=replace(robot.camera, noise=noise.scaled(camera_noise)))
 
 
 def _plain(name: str) -> str:

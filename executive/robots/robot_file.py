@@ -14,6 +14,9 @@ allowed_contacts = [["a", "b"]] # links that may touch
 [arms.right.gripper]            # joints opened/closed by name, max_opening [m], fingers (links)
 [camera]                        # link, fov [rad], near, far [m], width, height [pixels], forward, up, neck (joints),
                                 # recognises (classes; all)
+[camera.noise]                  # how it errs: position [m], position_per_metre [m/m], angle [rad], misses,
+                                # misses_hidden, misses_far (probabilities); exact without
+[camera.noise.confusions.CLASS] # class for which its things are taken = probability
 [joints.NAME]                   # speed, acceleration, jerk; [joints.default] for all others; limits (lower, upper)
                                 # if those of the URDF are wrong
 [postures.NAME]                 # joint = position
@@ -41,6 +44,7 @@ from planlang.files import beginning, decode, read_file
 from planlang.geometry.urdf_schema import FARTHEST
 from planlang.records import dataclass
 from sim import CameraModel
+from sim.scene import CameraNoise
 
 _KEYS: dict[str, tuple[str, ...]] = {
     "": (
@@ -52,7 +56,10 @@ _KEYS: dict[str, tuple[str, ...]] = {
     "base": ("radius", "speed", "acceleration", "turn_speed", "turn_acceleration", "jerk", "fixed"),
     "arms.*": ("tip", "tool_offset", "hand", "side", "approach", "closing", "payload", "gripper"),
     "arms.*.gripper": ("opened", "closed", "fingers", "max_opening"),
-    "camera": ("link", "fov", "near", "far", "width", "height", "forward", "up", "neck", "recognises"),
+    "camera": ("link", "fov", "near", "far", "width", "height", "forward", "up", "neck", "recognises", "noise"),
+    "camera.noise": (
+        *("position", "position_per_metre", "angle", "misses", "misses_hidden", "misses_far", "confusions"),
+    ),
     "joints.*": ("speed", "acceleration", "jerk", "limits"),
 }
 """Valid keys of each table."""
@@ -73,6 +80,10 @@ _RANGES: Mapping[tuple[str, str], tuple[float, float, str]] = {
     ("camera", "far"): (0.01, 1000.0, "m"),
     ("camera", "width"): (1, 4096, "pixels"),
     ("camera", "height"): (1, 4096, "pixels"),
+    ("camera.noise", "position"): (0.0, 1.0, "m"),
+    ("camera.noise", "position_per_metre"): (0.0, 1.0, "m/m"),
+    ("camera.noise", "angle"): (0.0, 1.0, "rad"),
+    **{("camera.noise", key): (0.0, 1.0, "") for key in ("misses", "misses_hidden", "misses_far")},
 }
 """Plausible ranges: beyond them, motions take years or no time, and pictures no or all memory."""
 _SHOWN = 60
@@ -253,7 +264,7 @@ class _Table:
         if not _is_number(value):
             self.bad(key, "missing" if value is None else f"must be a finite number, not {_shown(value)}")
         elif not least <= value <= most:
-            self.bad(key, f"must be between {least:g} and {most:g} {unit}, not {float(value):g}")
+            self.bad(key, f"must be between {least:g} and {f'{most:g} {unit}'.strip()}, not {float(value):g}")
         else:
             return float(value)
         return 1.0 if default is None else default
@@ -423,8 +434,23 @@ def _camera(table: _Table) -> tuple[CameraModel | None, tuple[str, ...]]:
     width, height = (int(inner.number(key, size)) for key, size in (("width", 160), ("height", 120)))
     forward, up = inner.axis("forward", (0.0, 0.0, 1.0)), inner.axis("up", (0.0, -1.0, 0.0))
     recognises = inner.texts("recognises") if "recognises" in inner.values else None
-    model = CameraModel(inner.text("link"), fov, near, far, width, height, forward, up, recognises)
+    noise = _noise(inner.table("noise", "camera.noise"))
+    model = CameraModel(inner.text("link"), fov, near, far, width, height, forward, up, recognises, noise)
     return model, inner.texts("neck")
+
+
+def _noise(table: _Table) -> CameraNoise:
+    """Read how a camera errs; exact without a table."""
+    *keys, confusions = _KEYS["camera.noise"]
+    numbers = {key: table.number(key, 0.0) for key in keys}
+    confused, classes = list[tuple[str, str, float]](), table.table(confusions, None)
+    for cls in classes.values:
+        often = classes.table(cls, None).values
+        if not all(_is_number(one) and one >= 0 for one in often.values()) or sum(often.values()) > 1:
+            classes.bad(cls, f"must be probabilities by class that sum to 1 at most, not {_shown(dict(often))}")
+        else:
+            confused += [(cls, other, float(share)) for other, share in often.items()]
+    return CameraNoise(**numbers, confusions=tuple(confused))
 
 
 def _pairs(table: _Table) -> tuple[tuple[str, str], ...]:

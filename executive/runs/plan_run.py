@@ -18,7 +18,7 @@ from executive.modules.bundled import bundled_registry
 from executive.modules.platform import Platform
 from executive.options.headers import header_entries, settings_from_header
 from executive.options.running import RunSettings
-from executive.robots import Missing, Robot, bind_robot, missing_capabilities, trusting_map
+from executive.robots import Missing, Robot, bind_robot, missing_capabilities, with_options
 from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of
 from executive.runs.failure import Failure, line_of_user
@@ -269,8 +269,8 @@ class Run:
         """Bind the robot, with the models and programs that it is given, if any. Appends warnings."""
         options = self.options
         assert self.files.robot is not None
-        robot = self._inputs.once(bind_robot, self.files.robot, urdf=options.urdf, folders=options.folders)
-        robot = trusting_map(robot) if options.trust_map else robot
+        bound = self._inputs.once(bind_robot, self.files.robot, urdf=options.urdf, folders=options.folders)
+        robot = with_options(bound, trusts_map=options.trust_map, camera_noise=options.camera_noise)
         if options.models is None:
             return robot, None
         given = read_given_parts(options.models, options.folders, diagnostics)

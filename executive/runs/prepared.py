@@ -14,6 +14,7 @@ from executive.maps import SemanticMap, read_map
 from executive.maps.changed import changed_map
 from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
 from executive.options.declaring import check_written, declared, names
+from executive.options.headers import given_or
 from executive.options.running import LocateOptions, RunSettings
 from executive.runs.files import (
     RecipeFile,
@@ -134,7 +135,7 @@ def prepared(options: RunOptions) -> RunFiles:
     accepted(options.accept)
     options = replace(
         options,
-        **{name: getattr(options, name) or value for name, value in header.settings.items()},
+        **{name: given_or(getattr(options, name), value) for name, value in header.settings.items()},
         task=options.task or header.task,
         start=options.start or header.start,
         schedule=header.schedule if options.schedule is None else options.schedule,
