@@ -15,6 +15,7 @@ from typing import Protocol
 
 import numpy as np
 
+from executive.belief.estimates import Estimate
 from executive.belief.memory import Memory, Source
 from executive.belief.obstacles import NAMES
 from executive.maps.classes import is_kind
@@ -26,7 +27,7 @@ from planlang.records import dataclass
 from planlang.state import WorldState
 from sim.joints import Articulation
 from sim.movers import Mover
-from sim.scene import Body, BodyShape
+from sim.scene import Body, BodyShape, CameraNoise
 
 SEEN_GATE, ACTED_GATE, MAP_GATE, LEAF_GATE = 0.5, 1.0, 1.5, 0.3
 """Distance up to which a detection may show a thing that was seen, that the robot has moved or felt, that only the map
@@ -54,6 +55,7 @@ class Known(Protocol):
     memory: Memory
     state: WorldState
     joints: dict[str, Articulation]
+    camera_noise: CameraNoise
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +140,7 @@ class Associator:
 
     def _fits(self, detection: Detection, name: str, one: Features) -> bool:
         types = (*one.types, *self._belief.state.matter.types.get(name, ()))
-        if not any(self._is_kind(kind, detection.type) or self._is_kind(detection.type, kind) for kind in types):
+        if not any(self._may_be_told(kind, detection.type) for kind in types):
             return False
         if any(abs(read - known) > SIZE_SHARE * known + SIZE_ERROR for read, known in _extents(detection, one)):
             return False
@@ -146,6 +148,13 @@ class Associator:
         return all(
             said is None or said == shown or (shown is None and detection.visible < READABLE) for said, shown in marks
         )
+
+    def _may_be_told(self, kind: str, cls: str) -> bool:
+        """Check whether the camera may tell a thing of a kind to be of a class above or below, or of one by mistake."""
+        if self._is_kind(kind, cls) or self._is_kind(cls, kind):
+            return True
+        confusions = self._belief.camera_noise.confusions
+        return any(told == cls and self._is_kind(kind, true) for true, told, _ in confusions)
 
     def _unlike(self, detection: Detection, name: str) -> float:
         """Sum the lengths by which the extents of a detection and of a thing differ [m]."""
@@ -160,16 +169,17 @@ class Associator:
     def _costs(self, detection: Detection, in_hands: Mapping[str, Pose]) -> dict[str, float]:
         """Map the things that a detection may show to how far it is from where they are believed [m]."""
         costs, memory, poses = dict[str, float](), self._belief.memory, self._belief.state.poses
+        seen = Estimate.of(detection)
         for number, name in enumerate(self.fitting(detection)):
             if name in in_hands:
                 away = in_hands[name].distance(detection.pose)
-                if away <= HAND_GATE:
+                if away <= HAND_GATE + seen.slack():
                     costs[name] = away
             elif name in memory.unknown:
                 costs[name] = ANYWHERE + number
             elif name in poses:
                 away = self._away(name, poses[name], detection.pose)
-                if away <= self._gate(name):
+                if away <= self._gate(name) + seen.slack(memory.estimates.get(name)):
                     costs[name] = away
                 elif self._is_anywhere(name):
                     far = ANYWHERE / 2 + away + UNLIKE * self._unlike(detection, name)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
+from executive.belief.estimates import Estimate, leaf_value
 from executive.belief.known_things import KnownThings, ignore
 from executive.belief.memory import MOST_FAILURES, VISION, BasePose, Recognition, Source
 from executive.belief.obstacles import NAMES
@@ -36,6 +37,15 @@ ShouldShow = Callable[[Collection[str]], Collection[str]]
 """Selects the things that a picture would show."""
 
 
+AtRest = Callable[[str, Estimate], Pose]
+"""Makes of the estimate of a thing's pose the one in which it stands on what is below."""
+
+
+def as_seen(name: str, seen: Estimate) -> Pose:
+    """Leave a thing where it is seen."""
+    return seen.pose
+
+
 def nothing(names: Collection[str]) -> Collection[str]:
     """Expect nothing of a picture."""
     return ()
@@ -44,6 +54,9 @@ def nothing(names: Collection[str]) -> Collection[str]:
 class Belief(KnownThings):
     """Believed poses of the objects of a map. Only sensing and acting change it."""
 
+    in_doubt: tuple[str, ...] = ()
+    """Things that the last picture should have shown and did not, of which a further picture decides."""
+
     # Updates
 
     def see(
@@ -51,17 +64,19 @@ class Belief(KnownThings):
         detections: Iterable[Detection],
         should_show: ShouldShow = nothing,
         in_hands: Mapping[str, Pose] = MappingProxyType({}),
+        at_rest: AtRest = as_seen,
     ) -> dict[str, Detection]:
         """Take over what the camera recognises; return the things that it is taken for, in the order of the map.
 
         A thing moves to where it is seen. What can be no known thing becomes a new one. ``should_show`` selects of some
         things those that the picture would show if they were where they are believed to be; ``in_hands`` has the poses
-        of what hands carry.
+        of what hands carry. What a camera that errs tells is averaged, and put down by ``at_rest``.
         """
+        self.in_doubt = ()
         visible = [one for one in detections if self.memory.recognition.runs(VISION)]
         names = self._associator.names(visible, in_hands)
         doubted = [name for name in self._rivals(visible, names) if name not in self.memory.uncertain]
-        if doubted and (missing := sorted(should_show(doubted))):
+        if doubted and (missing := self._surely_missing(sorted(should_show(doubted)))):
             self.memory = replace(self.memory, uncertain=self.memory.uncertain.union(missing))
             for name in missing:
                 self._changed("not where expected", name=name)
@@ -75,18 +90,44 @@ class Belief(KnownThings):
         order = {name: number for number, name in enumerate(self.memory.first)}
         found = {name: found[name] for name in sorted(found, key=lambda name: order[name])}
         for name, detection in found.items():
-            self._sees(name, detection)
-        self._recognise_noticed(found)
+            self._sees(name, detection, at_rest)
+        self._recognise_noticed(found, at_rest)
         return found
 
-    def _sees(self, name: str, detection: Detection) -> None:
+    def _sees(self, name: str, detection: Detection, at_rest: AtRest) -> None:
         if name in self.memory.unknown:
             self._find_out(name)
         if name in self._poses and name not in self.state.carried():
             seen = self.memory.learned((name,), Source.SEEN)
-            self.memory = replace(seen, in_vain=without(seen.in_vain, name))
-            self._put(name, detection.pose, "seen")
+            self.memory = replace(seen, in_vain=without(seen.in_vain, name), unseen=without(seen.unseen, name))
+            self._put(name, self._where(name, detection, at_rest), "seen")
             self._read(name, detection)
+
+    def _where(self, name: str, detection: Detection, at_rest: AtRest) -> Pose:
+        """Find the pose of a thing by a detection and by what has been seen of it before."""
+        seen, believed = Estimate.of(detection), self._poses[name]
+        if seen.is_exact:
+            return seen.pose
+        if name in self._moving:
+            joint, closed = self.joints[self._moving[name]], self.memory.first[name]
+            return joint.motion(leaf_value(joint, closed, self.joint(joint.leaf), seen)) @ closed
+        known = self.memory.estimates.get(name) or (Estimate(believed) if name in self._fixed else None)
+        now = known.fused(seen) if known is not None and known.agrees(seen) else seen
+        if now.is_exact:
+            return believed
+        self.memory = replace(self.memory, estimates={**self.memory.estimates, name: now})
+        rests = replace(now, pose=at_rest(name, now))
+        return believed if rests.is_like(believed, MOVED, TURNED) else rests.pose
+
+    def _surely_missing(self, names: list[str]) -> list[str]:
+        """List the things that enough pictures in a row have not shown, of those that the present one should show."""
+        enough = self.camera_noise.pictures
+        if enough == 1 or not names:
+            return names
+        counts = {name: self.memory.unseen.get(name, 0) + 1 for name in names}
+        self.in_doubt = tuple(name for name in names if counts[name] < enough)
+        self.memory = replace(self.memory, unseen={**self.memory.unseen, **counts})
+        return [name for name in names if counts[name] >= enough]
 
     def corrected(self, name: str, pose: Pose) -> None:
         """Record where a thing must be that the camera has shown, as other sensors tell."""
@@ -127,7 +168,7 @@ class Belief(KnownThings):
         self._changed("noticed", name=name, pose=detection.pose)
         return name
 
-    def _recognise_noticed(self, found: Mapping[str, Detection]) -> None:
+    def _recognise_noticed(self, found: Mapping[str, Detection], at_rest: AtRest) -> None:
         """Take things that no map has, and that this picture shows, for those of the map that are at no known place."""
         for name in [one for one in found if self.is_noticed(one)]:
             lost = (one for one in self._associator.fitting(found[name]) if one not in found)
@@ -137,7 +178,7 @@ class Belief(KnownThings):
             self.memory = self.memory.destroyed(name)
             self._become(poses=without(self._poses, name))
             self._changed("recognised", name=meant, instead_of=name)
-            self._sees(meant, found[name])
+            self._sees(meant, found[name], at_rest)
 
     def _read(self, name: str, detection: Detection) -> None:
         """Take over the state that a seen leaf or device shows."""

@@ -27,6 +27,7 @@ from planlang.state import Grip
 from sim import PlanningWorld
 from sim.joints import Articulation
 from sim.leaves import inside
+from sim.scene import BodyShape
 
 ALIKE = 0.02
 """Difference of distances from the robot below which two objects are equally near [m]."""
@@ -80,7 +81,16 @@ class KnownThings:
         self.devices = frozenset(control.device for control in world.scene.controls)
         """Devices with a button or a knob."""
         self._moving = {name: leaf for leaf, joint in self.joints.items() for name in joint.bodies}
+        self.camera_noise = world.camera_noise
+        """How the camera errs, as it states of itself."""
         self._associator = Associator(self, world.scene.bodies, world.scene.movers)
+        moving = {*self._moving, *(one.body for one in world.scene.movers)}
+        self._fixed = {
+            one.name
+            for one in world.scene.bodies
+            if not (one.movable or one.shape is BodyShape.PERSON or one.name in moving)
+        }
+        """Bodies that are where the map has them as long as nothing else is seen."""
         self._boxes = {body.name: body.size for body in world.scene.bodies if body.movable or body.name in self.joints}
 
     # Queries

@@ -7,6 +7,7 @@ from dataclasses import field, replace
 from enum import Enum
 from typing import NamedTuple
 
+from executive.belief.estimates import Estimate
 from executive.maps.classes import MapObject
 from planlang.designators import Object
 from planlang.geometry import Pose
@@ -123,6 +124,11 @@ class Memory:
     """Object -> base poses from which it was looked for and not seen, since it was last seen."""
     uncertain: frozenset[str] = frozenset()
     """Objects that should have been seen at their place and were not, so that they may be elsewhere."""
+    estimates: Mapping[str, Estimate] = field(default_factory=dict)
+    """Object -> where it is by all pictures since it was last moved, if the camera errs."""
+    unseen: Mapping[str, int] = field(default_factory=dict)
+    """Object -> number of pictures that should have shown it since it was last seen and did not, if the camera may miss
+    things."""
     bound: Mapping[Object, str] = field(default_factory=dict)
     """Designator -> object that it stands for as long as that exists; if by class, in the latest performance."""
     meanings: Mapping[Object, tuple[Meaning, ...]] = field(default_factory=dict)
@@ -165,14 +171,17 @@ class Memory:
     def learned(self, names: Iterable[str], source: Source) -> Memory:
         """Know the poses of objects from a source, from now on."""
         known = dict.fromkeys(names, Knowledge(source, self.time, self.moves))
-        return replace(self, known={**self.known, **known}, uncertain=self.uncertain - known.keys())
+        kept = source is Source.SEEN or not self.estimates
+        estimates = self.estimates if kept else {one: at for one, at in self.estimates.items() if one not in known}
+        uncertain = self.uncertain - known.keys()
+        return replace(self, known={**self.known, **known}, uncertain=uncertain, estimates=estimates)
 
     def without_place(self, name: str) -> Memory:
         """Forget where an object was; its designators may be bound to others."""
         bound = {what: meant for what, meant in self.bound.items() if meant != name}
         others = {what: tuple(one for one in had if one.name != name) for what, had in self.meanings.items()}
-        rest = self.uncertain - {name}
-        return replace(self, known=without(self.known, name), bound=bound, meanings=others, uncertain=rest)
+        rest, known, estimates = self.uncertain - {name}, without(self.known, name), without(self.estimates, name)
+        return replace(self, known=known, bound=bound, meanings=others, uncertain=rest, estimates=estimates)
 
     def meant_in(self, what: Object, occasion: str, step: str) -> Meaning | None:
         """Look up what a designator by class means in a performance; None if no attempt at it has needed it yet."""

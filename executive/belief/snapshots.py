@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from executive.belief.estimates import Estimate
 from executive.belief.memory import Knowledge, Meaning, Memory, Source
 from executive.belief.obstacles import NAMES
 from executive.maps.classes import MapObject
@@ -58,6 +59,8 @@ def _beliefs(state: WorldState, memory: Memory) -> dict[str, Any]:
         "neck": memory.neck,
         **({} if memory.grasp is None else {"grasp": memory.grasp}),
         "uncertain": sorted(memory.uncertain),
+        **({"unseen": dict(memory.unseen)} if memory.unseen else {}),
+        **({"estimates": dict(_estimated(memory))} if memory.estimates else {}),
         "witnessed": sorted(memory.witnessed),
         "known": {name: [one.source.value, one.time, one.moves] for name, one in memory.known.items()},
         "moves": memory.moves,
@@ -113,6 +116,8 @@ def _load(
         neck=int(left.get("neck", 0)),
         grasp=left.get("grasp"),
         uncertain=frozenset(map(str, left["uncertain"])),
+        unseen={str(name): int(count) for name, count in left.get("unseen", {}).items()},
+        estimates={str(name): _estimate(*one) for name, one in left.get("estimates", {}).items()},
         refused={str(name): tuple(map(_pose, offsets)) for name, offsets in left["refused"].items()},
     )
     for name, iri, types, size, pose in left["made"]:
@@ -174,6 +179,15 @@ def _held(grip: Grip) -> list[Any]:
 def _grip(hands: Sequence[Any], before: object, riders: Sequence[object]) -> Grip:
     first, *others = (Hold(str(arm), str(link), _pose(offset)) for arm, link, offset in hands)
     return Grip(*first, _pose(before), tuple(others), tuple(map(str, riders)))
+
+
+def _estimated(memory: Memory) -> Iterator[tuple[str, list[Any]]]:
+    for name, one in memory.estimates.items():
+        yield name, [dump(one.pose), one.deviation, one.angle_deviation]
+
+
+def _estimate(pose: object, deviation: object, angle_deviation: object) -> Estimate:
+    return Estimate(_pose(pose), *_numbers([deviation, angle_deviation], 2))
 
 
 def _meaning(occasion: str, step: str, aim: str, name: str, served: bool) -> Meaning:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from executive.belief import Belief
 from executive.belief.believed_bodies import MEANT
+from executive.belief.estimates import Estimate
 from executive.belief.obstacles import EDGE, NAMES, behind
 from executive.belief.planning_scene import SEEN_SHARE, PlanningScene
 from executive.belief.scene_collisions import BasePose, pinched
@@ -33,7 +34,7 @@ from planlang.failures import (
 )
 from planlang.geometry import Array, Pose, matrices
 from planlang.geometry.areas import Block
-from planlang.geometry.matrices import rotated
+from planlang.geometry.matrices import rotated, upright
 from planlang.kernel import Fluent, checkpoint, wait_for
 from planlang.language.resources import using
 from planlang.protocols import Group, GroupKind, Motion, MotionState, RobotInterface, Touch, Trajectory
@@ -263,7 +264,7 @@ class Sensing:
             except LookingGoalUnreachable as failure:
                 unreachable = unreachable or failure
                 continue
-            if is_seen(self.see()):
+            if self.shows_here(is_seen):
                 return True
         if unreachable is not None:
             raise unreachable
@@ -280,17 +281,44 @@ class Sensing:
             control.world.start("head", control.timed(gaze.joints, np.stack([now, neck])))
 
     def see(self) -> tuple[str, ...]:
-        """Take an image and return the names of recognised bodies; without a camera, of those taken from the map."""
+        """Take an image and return the names of recognised bodies; without a camera, of those taken from the map.
+
+        If the camera may have missed something, further images decide.
+        """
+        belief = self._control.belief
+        seen = self._take_image()
+        for _ in range(1, belief.camera_noise.pictures):
+            if not belief.in_doubt:
+                break
+            seen = tuple(dict.fromkeys((*seen, *self._take_image())))
+        return seen
+
+    def shows_here(self, is_seen: Callable[[tuple[str, ...]], bool]) -> bool:
+        """Take images from here until one shows what is looked for: as many as it takes to be sure that none does."""
+        return any(is_seen(self.see()) for _ in range(self._control.belief.camera_noise.pictures))
+
+    def _take_image(self) -> tuple[str, ...]:
         camera, belief = self._control.robot.camera, self._control.belief
         if camera is None:
             return tuple(name for name in self._control.scene.world.names() if belief.seen_from_here(name))
         pose_of = self._control.scene.world.pose
         in_hands = {name: pose_of(name) for name in sorted(belief.state.carried())}
-        seen = belief.see(self._control.world.detect(camera.link), self._should_show, in_hands)
+        seen = belief.see(self._control.world.detect(camera.link), self._should_show, in_hands, self._at_rest)
         for name, pose in out_of_arms(seen, self._control.scene).items():
             belief.corrected(name, pose)
         self._explain()
         return tuple(seen)
+
+    def _at_rest(self, name: str, seen: Estimate) -> Pose:
+        """Put a thing that may be displaced down on what is below it, as far as what is seen leaves that open."""
+        scene, within = self._control.scene, seen.slack()
+        if not scene.world.scene.body(name).movable:
+            return seen.pose
+        (x, y, z), level = seen.pose.position, upright(seen.pose)
+        turned = level if level.turn(seen.pose) <= seen.angle_slack() else seen.pose
+        raised = Pose((x, y, z + within), turned.orientation)
+        drop = scene.mirror.at(scene.belief.state.placed({name: raised})).height_above_support(name)
+        return Pose((x, y, z + within - drop if drop <= 2 * within else z), turned.orientation)
 
     def _should_show(self, names: Collection[str]) -> list[str]:
         """Select the things that the camera would show now if they were where they are believed to be."""

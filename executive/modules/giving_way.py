@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from contextlib import suppress
+from functools import partial
 
 import numpy as np
 
@@ -59,7 +60,7 @@ class Lookout:
                 if platform.scene.visibility.hidden(platform.base(), name) is None:
                     with suppress(LookingGoalUnreachable):
                         await platform.sensing.look_at(np.array(platform.scene.bodies.block(name).centre), name)
-                    if name not in platform.sensing.see():
+                    if not platform.sensing.shows_here(partial(_has, name)):
                         platform.belief.not_there(name)
         self._last = self._poses()
 
@@ -129,3 +130,7 @@ class Lookout:
     def _poses(self) -> Mapping[str, Pose]:
         belief = self._platform.belief
         return {name: belief.pose(name) for name in belief.names() if name in self.others}
+
+
+def _has(name: str, seen: Collection[str]) -> bool:
+    return name in seen

@@ -80,7 +80,7 @@ class HandWork(PlatformModule):
         """Look at a body, if the neck can, and update the belief."""
         with suppress(LookingFailure):
             await self.platform.sensing.look_at(self.platform.scene.bodies.block(what).centre, what)
-            self.platform.sensing.see()
+            self.platform.sensing.shows_here(lambda seen: what in seen)
 
     async def seen_from(
         self,
