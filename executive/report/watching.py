@@ -109,6 +109,8 @@ class Entity:
     frame: str
     """Name of the parent body or link; empty for the map."""
     track: Track
+    doubt: Sequence[tuple[int, float]] = ()
+    """Of what is believed: steps, and how uncertain its position is from then on, as a standard deviation [m]."""
 
     def keyframes(self) -> tuple[NDArray[np.int64], Array]:
         """Steps (n,) at which it moved, and positions and quaternions (n, 7) from then on."""
@@ -130,13 +132,15 @@ class Entities:
         self._belief = belief
         self._told: object = None
         self._believed: dict[str, Track] = {}
+        self._doubts: dict[str, list[tuple[int, float]]] = {}
         self.move = Tracks()
         """Records the entities that moved, as reported by :class:`~executive.pictures.pose_track.PoseTrack`."""
 
     def believe(self, step: int) -> None:
         """Record believed poses that changed since the last call; held objects have none, they move with the hand."""
         belief, state = self._belief, self._belief.state
-        if self._told == (told := (state.poses, state.held, state.away)):
+        estimates = belief.memory.estimates
+        if self._told == (told := (state.poses, state.held, state.away, estimates)):
             return
         self._told, names = told, set(belief.names()) - set(state.carried())
         for name in sorted(path[1] for path in self.move if path[0] == "bodies" and len(path) == 2):
@@ -146,11 +150,16 @@ class Entities:
                 track = self._believed[name] = Track(MAP)
             if track is not None and track.poses[-1:] != [pose]:
                 track.add(step, pose)
+            deviation = estimates[name].deviation if name in estimates and pose is not None else 0.0
+            doubts = self._doubts.setdefault(name, [])
+            if deviation != (doubts[-1][1] if doubts else 0.0):
+                doubts.append((step, deviation))
 
     def all(self) -> list[Entity]:
         """List the entities; frames come before what is in them."""
         true = [Entity(*_entity_at(path), _entity_at(one.frame)[1], one) for path, one in self.move.items()]
-        return ordered([*true, *(Entity(BELIEVED, name, "", one) for name, one in self._believed.items())])
+        believed = (Entity(BELIEVED, name, "", one, self._doubts[name]) for name, one in self._believed.items())
+        return ordered([*true, *believed])
 
 
 def _entity_at(path: tuple[str, ...]) -> tuple[str, str]:
@@ -176,9 +185,7 @@ def packed(
     steps = [_differences(steps.reshape(-1, 1)) for steps, _ in keyframes]
     columns = np.concatenate(numbers or [np.zeros((0, 7))]).T.astype("<i2")
     data = np.concatenate(steps or [np.zeros((0, 1))]).astype("<i4").tobytes() + np.ascontiguousarray(columns).tobytes()
-    listed = [
-        _entity(one, index, len(at), shapes, one.gone(rate)) for one, (at, _) in zip(entities, keyframes, strict=True)
-    ]
+    listed = [_entity(one, index, len(at), shapes, rate) for one, (at, _) in zip(entities, keyframes, strict=True)]
     return {"entities": listed, "scale": scale, "period": 1 / RATE}, zlib.compress(data, 9)
 
 
@@ -187,14 +194,17 @@ def _entity(
     index: Mapping[tuple[str, str], int],
     keys: int,
     shapes: Mapping[tuple[str, str], Any],
-    gone: list[list[Any]],
+    rate: float,
 ) -> dict[str, Any]:
     frames = ((kind, one.frame) for kind in (("body",) if one.kind == "limb" else ("link",)) if one.kind != "body")
     frame = next((index[key] for key in frames if key in index), -1)
     entity: dict[str, Any] = {"name": one.name, "kind": one.kind, "frame": frame, "keys": keys}
     if one.kind == BELIEVED:
         entity["of"] = index["body", one.name]
+    if one.doubt:
+        entity["doubt"] = [[round(step / rate, 4), round(deviation, 5)] for step, deviation in one.doubt]
     entity["shapes"] = shapes.get((one.kind, one.name), [])
+    gone = one.gone(rate)
     return entity | ({"gone": gone} if gone else {})
 
 

@@ -113,6 +113,12 @@ const floorPlan = {
         hover.textContent = `believed: ${belief.name}`;
         ghosts.push(svg("polygon", { class: "ghost", points: this.corners(part, pose) }, hover));
       }
+      const doubt = doubtAt(belief, time), about = doubt && poseAt(belief, time);
+      if (about) {
+        const [cx, cy] = this.at(about[0], about[1]), r = 2 * doubt * this.scale, hover = svg("title");
+        hover.textContent = `${belief.name} is within ${(2000 * doubt).toFixed(0)} mm, by what was seen of it`;
+        ghosts.push(svg("ellipse", { class: "doubt", cx, cy, rx: r, ry: r }, hover));
+      }
     }
     this.ghosts.replaceChildren(...ghosts);
     this.base(time);

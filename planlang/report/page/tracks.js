@@ -75,6 +75,13 @@ function ghostAt(belief, time) {
   return away > 0.015 || turn < 0.9986 ? believed : null;
 }
 
+// Standard deviation of the position of a believed thing at a time [m]; 0 where there is no doubt.
+function doubtAt(belief, time) {
+  let found = 0;
+  for (const [since, deviation] of belief.doubt ?? []) if (since <= time) found = deviation;
+  return found;
+}
+
 // The wheel zooms a view with the focus, or any view with Ctrl; otherwise it scrolls the page.
 const mayZoom = (event, view) => event.ctrlKey || event.metaKey || document.activeElement === view;
 
