@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from executive.belief.floor import CELL
+from executive.maps.doorways import is_wall
 from executive.maps.semantic_map import OPENINGS
 from executive.motion import Boxes, Grid, clearance_at, clearance_field
 from executive.motion.base_path import cheapest_ways
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 SLIM = ((0.1, 1.0, 0.1),)
 """Silhouette of something slim that passes wherever a robot may."""
+THIN = ((0.1, 1.0, 0.01),)
+"""Silhouette of a line: only walls between floor and position count."""
 AVOIDED = 1000.0
 """Cost of a metre within a doorway that is too narrow, in metres elsewhere."""
 AS_FAR_AS_IT_GOES = 0.97
@@ -151,8 +154,24 @@ def _without_doors(scene: PlanningScene) -> Boxes:
     return scene.collisions.boxes_but(leaves)[0]
 
 
+def _around_walls(scene: PlanningScene, grid: Grid, place: Array) -> Array:
+    """Compute how far cells (rows, columns) are from a position (2,), past furniture but around walls [m].
+
+    What stands at a wall is nearer to the floor behind that wall than to much of the floor of its own room.
+    """
+    cell = grid.cell(*place)
+    if cell is None:
+        return np.full((grid.rows, grid.columns), np.inf)
+    bodies = (one for one in scene.world.scene.bodies if one.shape is not BodyShape.ROOM)
+    furniture = [one.name for one in bodies if not is_wall(one, scene.belief.map)]
+    walls = scene.collisions.boxes_but(furniture)[0]
+    costs = np.where(clearance_field(grid, walls, THIN) > 0.0, 1.0, np.inf)
+    costs[cell] = 1.0
+    return cheapest_ways(costs, cell).field() * grid.resolution
+
+
 def _slim_way(scene: PlanningScene, place: Array, narrow: Sequence[Block]) -> Array | None:
-    """Find the cells (n, 2) of the way of something slim to a position (2,), or what is nearest to it.
+    """Find the cells (n, 2) of the way of something slim to the floor nearest to a position (2,), on its side of walls.
 
     It leads through the blocks ``narrow`` only if no other way does.
     """
@@ -163,7 +182,9 @@ def _slim_way(scene: PlanningScene, place: Array, narrow: Sequence[Block]) -> Ar
         return None
     centres = grid.centres()
     costs = np.where(clearance_field(grid, _without_doors(scene), SLIM) > 0.0, 1.0, np.inf)
-    away = np.where(np.isfinite(costs), np.hypot(*np.moveaxis(centres - place, 2, 0)), np.inf)
+    away = np.where(np.isfinite(costs), _around_walls(scene, grid, place), np.inf)
+    if not np.isfinite(away.min()):
+        return None
     for block in narrow:
         costs[_inside(block, centres.reshape(-1, 2)).reshape(costs.shape)] *= AVOIDED
     last = divmod(int(away.argmin()), grid.columns)

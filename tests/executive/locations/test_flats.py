@@ -112,6 +112,19 @@ def test_a_doorway_is_as_wide_as_it_is_though_a_box_stands_in_it() -> None:
         assert scene.collisions.closes_way(goal, 0.15) == ("box",)
 
 
+def test_the_doorway_to_a_thing_at_a_wall_is_the_one_of_its_own_room() -> None:
+    rooms = room_of("room0", (-3.0, -2.0), (0.0, 2.0)), room_of("room1", (0.1, -2.0), (3.0, 2.0))
+    table = thing("table", "KitchenTable", Pose((0.6, 0.5, 0.37)), (1.0, 2.0, 0.74))
+    glass = thing("glass", "DrinkingGlass", Pose((0.2, 0.5, 0.8)), (0.07, 0.07, 0.12))
+    things = (*rooms, table, glass, doorway("doorway1", 0.05, -1.2, 0.6))
+    drawn = Flat("two rooms", things, (0.6,), (-1.0, 0.5, 0.0), (2.0, 0.0, 0.0))
+    with ExitStack() as stack:
+        scene = in_flat(stack, drawn, "amigo").scene
+        narrow = narrow_doorway(scene, np.array([0.2, 0.5]))
+        assert narrow is not None, "though the floor behind the wall is nearer"
+        assert narrow.name == "doorway1"
+
+
 def test_a_base_is_near_a_table_only_on_this_side_of_a_wall() -> None:
     rooms = room_of("room0", (-3.0, -2.0), (0.0, 2.0)), room_of("room1", (0.1, -2.0), (3.0, 2.0))
     table = thing("table", "KitchenTable", Pose((0.35, 0.5, 0.37)), (0.5, 0.9, 0.74))
