@@ -442,7 +442,7 @@ def put_down_and_regrasp(what: Object, again: Branch | None = None) -> Do:
             return await _one_set_aside(action(ASIDE, object_acted_on=one) for one in dict.fromkeys(full.held.values()))
         putting = action(ASIDE, object_acted_on=what)
         try:
-            await perform(putting if other_waits else action(ASIDE, object_acted_on=what, by_another_grip=True))
+            await perform(putting if other_waits else action(ASIDE, object_acted_on=what, for_another_grip=True))
             if other_waits:
                 await hand_freed(failure, anyway=True)
             if again is not None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from planlang.object_changes import state_word
 from planlang.report.failures import Failures
 from planlang.report.tree import is_origin, pose_text, shown
 from planlang.report.wording import Wording, duration
-from planlang.runs.run_tree import DECISIONS, Happened, RunTree, TaskNode
+from planlang.runs.run_tree import CLOSED, DECISIONS, Happened, RunTree, TaskNode
 
 
 def story_of(tree: RunTree, wording: Wording, failures: Failures, end: float) -> list[list[Any]]:
@@ -22,8 +23,9 @@ def story_of(tree: RunTree, wording: Wording, failures: Failures, end: float) ->
         sentences += _happened(node, tree.rate)
         if not node.inner and node.start is not None:
             sentences += _steps(node, wording, failures)
-    learnt = (one for one in tree.belief if one.details.get("change") in _LEARNT)
-    told = {(one.step, _sentence(_learnt(one.details))): one for one in learnt}  # two hands take a thing once
+    values = dict[str, float]()
+    learnt = ((_learnt(one.details, values), one) for one in tree.belief)
+    told = {(one.step, _sentence(text)): one for text, one in learnt if text is not None}  # two hands take a thing once
     for (step, text), one in told.items():
         sentences.append((one.place, [round(step / tree.rate, 4), None, text, "belief"]))
     ordered = [sentence for _, sentence in sorted(sentences, key=lambda one: one[0])]
@@ -42,15 +44,28 @@ _LEARNT = {
     "slipped": "{} slips in the hand",
     "dropped": "{} falls out of the hand",
     "not there": "{} is not where it was believed to be",
+    "leads": "the robot takes {} by its handle",
 }
 """What the robot learns of a thing, as sentences."""
 _FAILS = " fails: "
 
 
-def _learnt(details: Mapping[str, Any]) -> str:
-    if (person := details.get("to")) is not None:
-        return f"the robot hands {shown(details.get('name', 'something'))} to {shown(person)}"
-    return _LEARNT[details["change"]].format(shown(details.get("name", "something")))
+def _learnt(details: Mapping[str, Any], values: dict[str, float]) -> str | None:
+    """Tell what the robot learns; None of what is of no interest. ``values`` has the last position of each leaf."""
+    name, change = shown(details.get("name", "something")), details.get("change")
+    match details:
+        case {"to": person} if change in _LEARNT:
+            return f"the robot hands {name} to {shown(person)}"
+        case {"change": "switched", "state": str(state)}:
+            return f"{name} is {state_word(state)}"
+        case {"change": "led", "value": int() | float() as value}:
+            values[name] = value
+            return f"{name} is closed" if value < CLOSED else None
+        case {"change": "let go"}:
+            return f"{name} stands open" if values.get(name, 0.0) >= CLOSED else None
+        case {"change": "stays open", "because": str(reason)}:
+            return f"{name} stays open: {shown(reason)}"
+    return _LEARNT[change].format(name) if change in _LEARNT else None
 
 
 def _each_reason_once(sentences: Iterable[list[Any]]) -> Iterator[list[Any]]:

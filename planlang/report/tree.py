@@ -16,6 +16,8 @@ PLUMBING = frozenset({"branch", "budget", "with_failure_handling", "using", "at_
 MOST_TEXT = 400
 """Maximum length of a text about a node; the middle of a longer one is left out."""
 _KEYS = re.compile(r"(?<![^ ])([a-z_]+)=(True\b)?")
+_UNSAID = re.compile(r"after_failure=(?:\([^()]*\)|\w+)(?:, )?")
+"""A property that names classes of failures: what follows a failure is told after it."""
 _RELATION = re.compile(r"(?:\bto (?:location )?)?\b([a-z_]+)\((\w+)\)(?: with \w+)?")
 _FOLDERS = re.compile(r"(?<![\w:/.<])(?:[A-Za-z]:)?(?:[/\\][^\s/\\:'\"<>|]+)+[/\\](?=[^\s/\\:'\"<>|])")
 
@@ -155,11 +157,11 @@ def _parameters(name: str, action: str) -> str:
 def properties_text(properties: str, short: Mapping[str, str] | None = None) -> str:
     """Spell out the names of properties (``to_location=bed1``), or put what they are ``short`` for.
 
-    One that is simply true is told by its name alone. Relations to a thing are in words, too:
-    ``to_location=in_front_of(cup1) with gripper`` becomes ``in front of cup1``.
+    One that is simply true is told by its name alone, one that names classes of failures not at all. Relations to a
+    thing are in words, too: ``to_location=in_front_of(cup1) with gripper`` becomes ``in front of cup1``.
     """
-    names = short or {}
-    spelt = _KEYS.sub(lambda key: names.get(key[1], key[1].replace("_", " ") + ("" if key[2] else " ")), properties)
+    names, said = short or {}, _UNSAID.sub("", properties)
+    spelt = _KEYS.sub(lambda key: names.get(key[1], key[1].replace("_", " ") + ("" if key[2] else " ")), said)
     return _RELATION.sub(lambda found: f"{found[1].replace('_', ' ').strip()} {found[2]}", spelt)
 
 

@@ -47,7 +47,7 @@ BEFORE_GIVING_UP, PUT_DOWN = "beforeGivingUp", "PutDownWhatIsHeld"
 class SettingAside(HandWork):
     """Puts a held object down on furniture near the robot, on which nobody sits or lies, and leaves it.
 
-    With ``by_another_grip``, the current grip is ruled out for the next grasp of the object. It is put where it is in
+    With ``for_another_grip``, the current grip is ruled out for the next grasp of the object. It is put where it is in
     no way of a door or drawer, and of a hand at its handle, that is stated as ``out_of_the_way_of``.
     """
 
@@ -75,7 +75,7 @@ class SettingAside(HandWork):
         ).run()
         grip = self.platform.belief.held[name]
         await self._leave(what)
-        if action.get("by_another_grip"):
+        if action.get("for_another_grip"):
             self.platform.belief.refuse(name, grip)
         return support.name
 

@@ -23,7 +23,7 @@ from sim.truth import at_rest_on
 from tests.executive.conftest import BED, BOTTLE, CABINET, PATIENT, THE_BOTTLE, MakeStage, Stage, hold_bottle
 
 GRASP = a_location(in_center_of=THE_BOTTLE)
-ASIDE = action("SettingAsideAnObject", object_acted_on=THE_BOTTLE, by_another_grip=True)
+ASIDE = action("SettingAsideAnObject", object_acted_on=THE_BOTTLE, for_another_grip=True)
 
 
 def grasps(stage: Stage) -> tuple[int, int]:

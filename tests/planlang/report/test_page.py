@@ -120,12 +120,18 @@ def test_actions_have_the_words_of_the_recipe_else_of_the_vocabulary_with_what_t
 
 
 def test_a_property_that_is_simply_true_is_told_by_its_name() -> None:
-    asked = "SettingAsideAnObject(by_another_grip=True, object_acted_on=cup1)"
+    asked = "SettingAsideAnObject(for_another_grip=True, object_acted_on=cup1)"
     node = TaskNode("SettingAsideAnObject", "perform", None, parameters={"action": asked})
-    assert text_of(node) == "by another grip, object acted on cup1"
+    assert text_of(node) == "for another grip, object acted on cup1"
     assert (
-        Wording(vocabulary={"SettingAsideAnObject": "putting down"}).of(node) == "putting down (by another grip, cup1)"
+        Wording(vocabulary={"SettingAsideAnObject": "putting down"}).of(node) == "putting down (for another grip, cup1)"
     )
+
+
+def test_no_class_of_a_failure_is_told_as_a_property_of_an_action() -> None:
+    asked = "EmptyingTheHands(after_failure=('ObjectUndeliverable', 'PlanFailure'))"
+    node = TaskNode("EmptyingTheHands", "perform", None, parameters={"action": asked})
+    assert (Wording().of(node), text_of(node)) == ("emptying the hands", "")
 
 
 def test_relations_of_an_action_are_told_in_words() -> None:
@@ -155,6 +161,27 @@ def test_a_story_tells_to_whom_a_thing_was_handed() -> None:
     told.add(place | {"to": None})
     said = [text for _, _, text, kind in model_of(told)["story"] if kind == "belief"]
     assert said == ["The robot hands cup1 to child1.", "The robot lets go of cup1."]
+
+
+def test_a_story_tells_what_becomes_of_doors_and_devices() -> None:
+    changes: list[dict[str, object]] = [
+        {"change": "leads", "name": "door1"},
+        {"change": "led", "name": "door1", "value": 1.2},
+        {"change": "let go", "name": "door1"},
+        {"change": "led", "name": "door1", "value": 0.0},
+        {"change": "let go", "name": "door1"},
+        {"change": "switched", "name": "lamp1", "state": "DeviceStateOff"},
+        {"change": "stays open", "name": "door2", "because": "the handle is out of reach"},
+        {"change": "not seen", "name": "cup1"},
+    ]
+    told = Told.of({"event": "belief", "step": step, "revision": step, **one} for step, one in enumerate(changes))
+    assert [text for _, _, text, kind in model_of(told)["story"] if kind == "belief"] == [
+        "The robot takes door1 by its handle.",
+        "Door1 stands open.",
+        "Door1 is closed.",
+        "Lamp1 is off.",
+        "Door2 stays open: the handle is out of reach.",
+    ]
 
 
 def test_a_story_tells_once_that_both_hands_have_taken_a_thing() -> None:
