@@ -116,13 +116,11 @@ class MotionState(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """State of a commanded motion, with its obstacle if it was blocked."""
+    """State of a commanded motion. What blocked it, the belief finds out from where it was touched."""
 
     state: MotionState
-    blocked_by: str | None = None
-    """Name of the obstacle, for messages only; None for a robot that cannot know it."""
     touch: Touch | None = None
-    """The contact that blocked the robot or its load."""
+    """The contact that blocked the robot or its load; None for one with itself, or that it does not feel."""
     reason: str | None = None
     """Reason of a failure, for messages only."""
 
@@ -147,7 +145,7 @@ class Detection:
     colour: str | None = None
     """Word for its colour, if it has one that maps may state."""
     label: str | None = None
-    """What a label or mark on it says."""
+    """What a label or mark on it says; None without one, or if less than half of the thing is visible."""
     face_of: str | None = None
     """Whose face it is: the mark of a person."""
     deviation: float = 0.0

@@ -96,6 +96,9 @@ class Truth(Protocol):
     def height_above_support(self, name: str) -> float:
         """Distance that a body would fall if released [m]."""
 
+    def obstacle(self, group: str) -> str | None:
+        """Body, or link of the robot itself, that has blocked the last motion of a group."""
+
     def stands(self, name: str) -> bool:
         """Whether a body surely stands on a box, within 3 cm: quick, and not always told."""
 

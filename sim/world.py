@@ -62,7 +62,7 @@ class Playback:
             return Motion(MotionState.HALTED)
         at_end = self.row + 1 >= len(self.trajectory.positions)
         if blocked and (at_end or all(strand.blocked_by for strand in self.strands)):
-            return Motion(MotionState.BLOCKED, blocked.blocked_by, blocked.touch)
+            return Motion(MotionState.BLOCKED, blocked.touch)
         return Motion(MotionState.DONE) if at_end else Motion(MotionState.MOVING)
 
 
@@ -315,6 +315,14 @@ class PyBulletWorld(KinematicScene):
     def motion(self, group: str) -> Motion:
         """State of the group's last motion; DONE for a group that has never moved."""
         return self._motions[group].state() if group in self._motions else Motion(MotionState.DONE)
+
+    def obstacle(self, group: str) -> str | None:
+        """Name the body, or the link of the robot itself, that has blocked the group's last motion; None without one.
+
+        The robot learns where it was touched, not by what.
+        """
+        strands = self._motions[group].strands if group in self._motions else ()
+        return next((strand.blocked_by for strand in strands if strand.blocked_by is not None), None)
 
     def halt(self, group: str) -> None:
         """Stop a group where it is; no effect if it is not moving."""

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from executive.belief.belief import Belief
+from executive.belief.obstacles import NAMES as OBSTACLES
 from executive.belief.scene_part import Kept, ScenePart
 from executive.maps import SemanticMap
 from executive.maps.hollow import room_behind
@@ -29,6 +30,11 @@ SHIFTED = 0.15
 """Distance from a touch up to which a body explains it by having been moved [m]."""
 PUSHED = 3.0
 """Distance by which movable furniture that has not been seen may have been pushed [m]: across a room."""
+
+
+def something_at(x: float, y: float) -> str:
+    """Say in words that the robot has touched something that it does not know, and where in the map [m]."""
+    return f"something unknown at {x:.2f}, {y:.2f}"
 
 
 def handles_of(body: Body, pose: Pose) -> tuple[Block, ...]:
@@ -96,6 +102,9 @@ class BelievedBodies(ScenePart, SceneBodies):
         """Name in words what is in the way: a body, known or not, or a link of the robot."""
         if name in self._world.robot.solid_names:
             return "the robot itself"
+        if name in OBSTACLES:
+            x, y, _ = self._belief.pose(name).position
+            return something_at(x, y)
         return f"a wall of {name}" if name in self.names() and self.is_room(name) else name
 
     def ungraspable(self, name: str) -> str:
@@ -122,7 +131,8 @@ class BelievedBodies(ScenePart, SceneBodies):
         :data:`PUSHED` that has not been seen yet.
         """
         point = np.array(touch.point)
-        solid = [name for name in self.names() if name not in self._belief.held and self.is_solid(name)]
+        carried = self._belief.state.carried()
+        solid = [name for name in self.names() if name not in carried and self.is_solid(name)]
         bodies = [name for name in solid if not self.is_room(name) and point[2] <= self.block(name).high + SHIFTED]
         name = self._nearest(point, bodies, SHIFTED)
         if name is not None:
@@ -134,6 +144,31 @@ class BelievedBodies(ScenePart, SceneBodies):
         block, normal = self.block(name), np.array([*touch.normal[:2], 0.0]) / max(math.hypot(*touch.normal[:2]), 1e-9)
         centre = point - block.support(math.atan2(normal[1], normal[0])) * normal
         return name, self._shifted(name, np.array([*(centre - block.centre)[:2], 0.0]))
+
+    def met(self, touch: Touch) -> str:
+        """Name in words what the robot has run into, as far as it can tell from where it was touched.
+
+        That is what another hand holds, the body that explains the touch best, a wall, or something unknown. A body
+        that is seen from here does not explain a touch beside it.
+        """
+        point, world, belief = np.array(touch.point), self._world, self._belief
+        others = (name for name, grip in belief.held.items() if touch.link not in [hand.link for hand in grip.hands])
+        carried = {name: Block.of(world.pose(name), world.size(name)).away(point) for name in others}
+        if (name := _nearest(carried, MEANT)) is not None:
+            return name
+        name, _ = self.explained(touch) or (None, None)
+        if name is not None and (not belief.seen(name) or self.block(name).away(point) <= MEANT):
+            return self.as_obstacle(name)
+        rooms = (name for name in self.names() if self.is_room(name))
+        if (room := next((name for name in rooms if self._inside_of(name, point) <= SHIFTED), None)) is not None:
+            return self.as_obstacle(room)
+        return something_at(*touch.point[:2])
+
+    def _inside_of(self, room: str, point: Array) -> float:
+        """Compute how far a map point (3,) is from the walls of a room [m]."""
+        block = self.block(room)
+        local = np.abs(block.to_local(point[None])[0])
+        return float(np.abs(np.array([block.half_x, block.half_y]) - local).min())
 
     def _shifted(self, name: str, by: Array) -> Pose:
         x, y, z = (self.pose(name).position + by).tolist()

@@ -388,22 +388,29 @@ class Sensing:
             return False
         return scene.bodies.is_graspable(name) or scene.bodies.is_person(name)
 
-    async def bump(self, motion: Motion) -> None:
+    def met(self, motion: Motion) -> str | None:
+        """Conclude what has stopped a motion, in words, from where the robot was touched; None if it feels nothing."""
+        return None if motion.touch is None else self._control.scene.bodies.met(motion.touch)
+
+    async def bump(self, motion: Motion) -> str | None:
         """Update the belief from the touch that stopped a motion, and from an image of that point.
 
         If a believed body explains the touch, move it there; otherwise add an anonymous obstacle, which is forgotten
-        once a body seen there explains it. Raises ObjectLost as :meth:`Control.check_shift` does.
+        once a body seen there explains it. Returns what stopped it, in words, as :meth:`met` does. Raises ObjectLost
+        as :meth:`Control.check_shift` does.
         """
         control, touch = self._control, motion.touch
         if touch is None:
-            return
+            return None
         control.check_shift(touch)
         await self._look_over(np.array(touch.point))
         explained, belief = control.scene.bodies.explained(touch), control.belief
+        met = self.met(motion)
         if explained is None:
-            belief.obstacle(behind(touch), motion.blocked_by)
+            belief.obstacle(behind(touch))
         elif not (belief.seen(explained[0]) or control.scene.bodies.is_person(explained[0])):
             self._felt(*explained, np.array(touch.normal) * [1.0, 1.0, 0.0])
+        return met
 
     def _felt(self, name: str, pose: Pose, normal: Array) -> None:
         """Move a believed body to a pose, or on against the contact normal (3,) until it overlaps no arm."""

@@ -79,11 +79,10 @@ class Grasping(PlatformModule):
         if name is None:
             what = action.get("object_acted_on")
             target = str(what) if isinstance(what, Object) else None
+            met = await self.platform.sensing.bump(motion)  # a finger has touched the object: that shows where it is
             if motion.touch is None:
                 self.platform.missed(arm)
-            else:  # a finger has touched the object, which shows where it is
-                await self.platform.sensing.bump(motion)
-            missed = GraspMissed(arm=arm.name, what=target, blocked_by=motion.blocked_by)
+            missed = GraspMissed(arm=arm.name, what=target, blocked_by=met)
             if not arm.openings.gap:
                 missed.message = f"{missed}; its fingers have no shapes that could hold it: are their meshes missing?"
             raise missed
@@ -99,7 +98,7 @@ class Grasping(PlatformModule):
         else:
             motion = await hands.move(arm, closed=False, fingers=self.platform.arms.opening(arm))
             if motion.state is not MotionState.DONE:
-                raise GripperGoalNotReached(arm=arm.name, blocked_by=motion.blocked_by)
+                raise GripperGoalNotReached(arm=arm.name, blocked_by=self.platform.sensing.met(motion))
             return None
         # The object has left the hand even if an obstacle beside it keeps the fingers from opening fully.
         await hands.settled(held.name)

@@ -48,7 +48,7 @@ class Hands:
         motion = await self.move(arm, closed=True)
         current = dict(zip(arm.openings.joints, self._control.joints(arm.openings.joints), strict=True))
         if motion.touch is None and current and arm.openings.share(current) > SAME:
-            raise GripperGoalNotReached(arm=arm.name, blocked_by=motion.blocked_by)
+            raise GripperGoalNotReached(arm=arm.name)
         return motion
 
     async def shape(self, arm: ArmModel, fingers: Fingers) -> None:

@@ -126,8 +126,7 @@ class Navigation(PlatformModule):
         if motion.state is MotionState.MOVING and lookout is not None:
             raise NavigationGoalNotReached(target=goal, blocked_by=lookout.closed_by)
         if motion.state is not MotionState.DONE:
-            await self.platform.sensing.bump(motion)
-            raise NavigationGoalNotReached(target=goal, blocked_by=self._obstacle(motion.blocked_by))
+            raise NavigationGoalNotReached(target=goal, blocked_by=await self.platform.sensing.bump(motion))
 
     async def _goal(self, action: Action) -> BasePose:
         match action.get("x"), action.get("y"), action.get("yaw"), action.get("to_location"):

@@ -378,9 +378,8 @@ class PlatformModule:
         """
         motion = await self.platform.follow(arms, trajectory, pushes=pushes)
         if motion.state is not MotionState.DONE:
-            await self.platform.sensing.bump(motion)
-            by = motion.blocked_by and self.platform.scene.bodies.as_obstacle(motion.blocked_by)
-            raise ManipulationGoalInCollision(arm=arms, what=what, blocked_by=by)
+            met = await self.platform.sensing.bump(motion)
+            raise ManipulationGoalInCollision(arm=arms, what=what, blocked_by=met)
 
     async def drive(self, base: BasePose) -> None:
         """Drive to a base pose through the process module for navigation. Raises a NavigationFailure."""

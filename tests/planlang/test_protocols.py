@@ -101,6 +101,13 @@ def test_what_crosses_a_border_cannot_be_changed(value: object, field: str) -> N
         setattr(value, field, None)
 
 
+def test_a_detection_has_no_name_and_says_what_to_read() -> None:
+    seen = Detection("Bottle", Pose((0.0, 0.0, 0.0)), 1.0, (0.06, 0.06, 0.2))
+    with pytest.raises(AttributeError, match=r"read its type, pose, size, label or colour; platform\.sensing\.see\(\)"):
+        assert seen.name
+    assert not hasattr(Motion("blocked"), "blocked_by"), "nor does a motion name what has stopped it"
+
+
 def public(protocol: type) -> set[str]:
     """Names that a protocol asks for."""
     return {name for name in (*vars(protocol), *protocol.__annotations__) if not name.startswith("_")}

@@ -104,7 +104,7 @@ def play(
     world.start(group, straight(world, goal, rows), pushes=pushes)
     while world.motion(group).state == "moving":
         world.step()
-    return world.motion(group).blocked_by
+    return world.obstacle(group)
 
 
 def grasp(world: PyBulletWorld) -> None:

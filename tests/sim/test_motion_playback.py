@@ -75,7 +75,7 @@ def test_fingers_close_until_each_touches(world: PyBulletWorld) -> None:
     world.set_pose("bottle", Pose((-1.106, 2.11, 0.9)))
     assert play(world, "right_gripper", CLOSED) == "bottle"
     motion = world.motion("right_gripper")
-    assert (motion.state, motion.blocked_by) == ("blocked", "bottle")
+    assert (motion.state, world.obstacle("right_gripper")) == ("blocked", "bottle")
     assert motion.touch is not None
     assert motion.touch.link in FINGERS
     joints = world.configuration().joints

@@ -69,7 +69,7 @@ def test_what_is_put_in_the_way_of_a_motion_stops_it(make_world: MakeWorld) -> N
     world.set_pose("bedside", Pose((-1.1, -0.6, 0.3)))
     while world.motion("base").state == "moving":
         world.step()
-    assert world.motion("base").blocked_by == "bedside"
+    assert world.obstacle("base") == "bedside"
 
 
 def test_the_robot_is_shown_where_it_is_whenever_somebody_looks(make_world: MakeWorld) -> None:

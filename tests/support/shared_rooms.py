@@ -73,8 +73,7 @@ class Encounters:
         self._last = pose.position
         blocked = set()
         for group in ("base", "right", "left", "head"):
-            motion = world.motion(group)
-            if motion.state is MotionState.BLOCKED and motion.blocked_by == PORTER:
+            if world.motion(group).state is MotionState.BLOCKED and world.obstacle(group) == PORTER:
                 blocked.add(group)
         self.stopped += len(blocked - self._blocked)
         self._blocked = blocked

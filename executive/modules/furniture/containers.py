@@ -357,9 +357,8 @@ class LeafWork(HandWork):
         if joint.leaf not in platform.belief.led:  # the fingers no longer feel the handle
             raise GraspSlipped(arm=arm.name, what=path.handle)
         if motion.state is not MotionState.DONE:
-            await platform.sensing.bump(motion)
-            by = "" if motion.blocked_by is None else f" by {motion.blocked_by}"
-            raise ContainerStuck(f"{joint.leaf} is stopped{by}", what=joint.leaf)
+            met = await platform.sensing.bump(motion)
+            raise ContainerStuck(f"{joint.leaf} is stopped{'' if met is None else f' by {met}'}", what=joint.leaf)
 
     def _timed(self, path: LeafPath) -> Trajectory:
         """Time the arm's path so that the hand stays on the handle's path also between waypoints; shorten if needed.

@@ -241,8 +241,8 @@ class Devices(HandWork):
         async def contact(arm: ArmModel) -> None:
             motion = await ButtonStrokes(self.platform, arm, button).pushed()
             if motion.touch is None or not self._is_at(button, motion.touch):
-                await self.platform.sensing.bump(motion)
-                raise ManipulationPoseUnreachable(arm=arm.name, what=button.body, blocked_by=motion.blocked_by)
+                met = await self.platform.sensing.bump(motion)
+                raise ManipulationPoseUnreachable(arm=arm.name, what=button.body, blocked_by=met)
 
         await Skill(
             lambda: self.hands_for(button.body, button.body),

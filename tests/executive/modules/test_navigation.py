@@ -118,13 +118,13 @@ def test_an_obstacle_that_no_camera_shows_is_felt_and_driven_around(make_blind: 
     assert set(felt) == set(stage.belief.names()), "nobody tells its name"
 
 
-def test_an_obstacle_that_is_in_no_map_ends_in_a_failure_that_names_it(make_stage: MakeStage) -> None:
+def test_an_obstacle_that_is_in_no_map_ends_in_a_failure_that_says_where_it_was_touched(make_stage: MakeStage) -> None:
     stage = make_stage(truth=[replace(POST, size=(0.1, 11.5, 1.0))])
     with pytest.raises(NavigationGoalNotReached) as caught:
         drive(stage, to(3.0, 0.0))
-    assert caught.value.blocked_by == "post"
+    assert caught.value.blocked_by == "something unknown at 1.45, -0.10"
     assert caught.value.target == (3.0, 0.0, 0.0)
-    assert "blocked by post" in str(caught.value)
+    assert "blocked by something unknown at" in str(caught.value)
     assert stage.truth.contacts() == (), "the robot stopped before it"
 
 

@@ -43,7 +43,7 @@ def test_a_tray_that_something_stops_when_it_is_lifted_stays_in_the_hands(make_s
     stage = make_stage(TABLE, TRAY, CUP, truth=(TABLE, TRAY, CUP, LAMP))
     with pytest.raises(ManipulationGoalInCollision) as caught:
         taken(stage)
-    assert caught.value.blocked_by == "lamp"
+    assert str(caught.value.blocked_by).startswith("something unknown at 1.2")
     assert (len(stage.truth.holders("tray")), stage.truth.riders("tray")) == (2, ("cup",))
     assert set(stage.belief.held) == {"tray"}
 
