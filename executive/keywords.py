@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from executive import api
 from executive.commands.checked import CheckResult
 from executive.options.declaring import declared, made
+from executive.options.locating import LocateOptions
 from executive.options.recipes import CheckOptions, CompileOptions
-from executive.options.running import LocateOptions, RunSettings, Source, SweepOptions
+from executive.options.running import RunSettings, Source, SweepOptions
 from planlang.diagnostics import BadInput, Severity
 from planlang.machine import check_memory
 

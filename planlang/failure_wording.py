@@ -67,12 +67,16 @@ def full_in_words(what: object, held: Mapping[str, object]) -> str:
 def budget_in_words(
     seconds: float | None, attempts: int | None, spent: Mapping[str, float], used: Mapping[str, int]
 ) -> str:
-    """``the budget of S s and N attempts is used up: ACTION S s, ..., CONSTRUCT N times, ...``."""
+    """``the budget of S s and N attempts is used up, last by ACTION: ACTION S s, ..., CONSTRUCT N times, ...``.
+
+    The last of those that have ``spent`` time is the one that did so last.
+    """
     allowed = [] if seconds is None else [f"{seconds:g} s"]
     allowed += [] if attempts is None else [f"{attempts} attempts"]
     parts = [f"{part} {time:g} s" for part, time in spent.items()]
     parts += [f"{construct} again {number} times" for construct, number in used.items()]
-    return f"the budget of {' and '.join(allowed)} is used up{': ' if parts else ''}{', '.join(parts)}"
+    last = f", last by {list(spent)[-1]}" if len(spent) > 1 else ""
+    return f"the budget of {' and '.join(allowed)} is used up{last}{': ' if parts else ''}{', '.join(parts)}"
 
 
 _BASE = ("x", "y", "yaw")

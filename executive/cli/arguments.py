@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Annotated
 
 from executive.options.declaring import argument, option, output, output_folder
+from executive.options.locating import LocateOptions
 from executive.options.results import ResultFiles
 from executive.options.running import (
     Accept,
     Environment,
     Force,
     IgnoreUnread,
-    LocateOptions,
     Modules,
     OntologyOptions,
     Robot,

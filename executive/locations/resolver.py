@@ -51,6 +51,7 @@ from executive.locations.questions import (
 from executive.locations.rejections import NO_WAY, NOT_VISIBLE, Rejections, unmet
 from executive.locations.replayable import Replayable
 from executive.locations.search import search_bases
+from executive.locations.search_count import SearchCount
 from executive.locations.shut_ways import behind_doors, to_close
 from executive.locations.supposed import at_rest, with_in_hand
 from executive.locations.validation import BaseValidator
@@ -84,6 +85,7 @@ class Resolver:
         """``report`` gets the progress of searches, and of reachability maps that have to be built."""
         self.scene, self._report = scene, report
         self.maps = InverseMaps(scene.robot.name, report)
+        self.count = SearchCount()
         self._validator = BaseValidator(scene, self.maps)
         self._answers: Kept[Latest[Hashable, Replayable[Solution]]] = Kept(1)
         self._supposed: Kept[Resolver] = Kept(MOST_SUPPOSED)
@@ -114,8 +116,8 @@ class Resolver:
     def bases(self, location: Location, log: Rejections | None = None) -> Iterator[Solution]:
         """Yield base poses that satisfy a location, lazily, best first; raises LocationUnresolvable at the end.
 
-        Raises MissingCapability if the robot has no suitable arm or camera. Results are cached until the belief changes
-        or the robot moves. ``log`` forces a new search and receives its rejections.
+        Raises MissingCapability without a suitable arm or camera, and BudgetExceeded for one search too many. Results
+        are cached until the belief changes or the robot moves. ``log`` forces a new search and receives its rejections.
         """
         self._look(location)
         if log is not None:
@@ -127,7 +129,11 @@ class Resolver:
         def search() -> Iterator[Solution]:
             return self._reported(location, self._bases(location, self._question(location)))
 
-        return iter(answers.of(question, lambda: Replayable(search)))
+        def begun() -> Replayable[Solution]:
+            self.count.begin(location)
+            return Replayable(search)
+
+        return iter(answers.of(question, begun))
 
     def _reported(self, location: Location, found: Iterator[Solution]) -> Iterator[Solution]:
         """Report a search for base poses while it works on the next one."""
@@ -212,7 +218,6 @@ class Resolver:
             raise log.failure(location, self.scene.bodies)
 
     def _question(self, location: Location) -> Question:
-        """Start a new question about a location."""
         log = Rejections(remembers=bool(self.watchers))
         for watcher in self.watchers:
             watcher(location, log)

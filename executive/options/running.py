@@ -1,4 +1,4 @@
-"""Options of runs, of sweeps, and of searches for poses."""
+"""Options of runs, of sweeps, and of searches for what a failed run lacked."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from executive.options.varying import labelled, varied
 from planlang.designators import GRASPS
 from planlang.diagnostics import BadInput, error
 from planlang.language.source import PlanSource
-from planlang.outputs import PNG, PNG_OR_SVG, WEBP
+from planlang.outputs import PNG, WEBP
 from planlang.records import dataclass
 from planlang.words import Option, Text
 
@@ -223,6 +223,17 @@ class SituationSettings(TaskOptions):
         int | None,
         option(
             least=0, most=100, metavar="N", help="Let each recovery try N times more.", in_header=InHeader("attempts")
+        ),
+    ] = None
+    patience: Annotated[
+        float | None,
+        option(
+            least=0.1,
+            most=1000,
+            metavar="FACTOR",
+            help="Let the run take so many times as much plan time, further attempts and searches for places before "
+            "it gives up; by default 600 s, 100 and 200, and more for each step of the plan.",
+            in_header=InHeader("patience"),
         ),
     ] = None
     before: Annotated[
@@ -468,28 +479,3 @@ class WhyOptions(SituationSettings):
     ] = None
     on: On = LOCAL
     cluster_wait: ClusterWait = 300.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class LocateOptions(OntologyOptions):
-    """Options of a search for poses."""
-
-    phrase: Annotated[
-        str, argument(metavar="PHRASE", help='The location, e.g. "in reach of the bottle and near the bed".')
-    ]
-    robot: Robot = None
-    urdf: Urdf = None
-    environment: Environment = None
-    world: World = None
-    start: Start = None
-    of: Annotated[
-        str | None,
-        option(metavar="THING", help='Find poses of this thing, e.g. "the bottle"; default: of the base.'),
-    ] = None
-    count: Annotated[int, option(least=1, most=1000, metavar="N", help="Number of poses, best first.")] = 3
-    explain: Annotated[
-        Path | None, written("Draw the candidates and the reasons for rejection, as PNG or SVG.", PNG_OR_SVG)
-    ] = None
-    units: Units = None
-    ignore_unread: IgnoreUnread = False
-    force: Force = False

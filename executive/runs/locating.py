@@ -15,7 +15,7 @@ from executive.locations.demands import LocationMeaningless, base_demand, sides,
 from executive.maps import read_map, scene_of
 from executive.modules.platform import Platform
 from executive.options.declaring import check_written, names
-from executive.options.running import LocateOptions
+from executive.options.locating import LocateOptions
 from executive.pictures.scenery import Resolution, scenery_of
 from executive.robots import bind_robot
 from executive.robots.arms import with_carrying

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 from executive.maps import SemanticMap
+from executive.options.running import SituationSettings
+from executive.runs.allowance import Allowance
 from executive.runs.options import RunResult
 from executive.runs.parameters import Bound
 from executive.runs.true_world import TrueWorld
@@ -19,28 +21,18 @@ from planlang.language.plan_text import Needs
 from planlang.language.plans import Plan
 from planlang.language.preceding import preceded
 from planlang.language.recovery import trying_more, without_recoveries
-from planlang.language.source import PlanSource
 from planlang.language.tidying import tidied
 from planlang.ontology import shorten
 from planlang.records import dataclass
-from planlang.runs import RecordedRun, RunTree
+from planlang.runs import RunTree
 from planlang.runs.codec import load as load_exact
 from planlang.spelling import similar
 from planlang.words import Option, Text
 from sim import Scene
 
-BUDGET, PER_STEP = 600.0, 60.0
-"""Plan time, beside waiting, after which a run is aborted: a constant, and more for each step of the plan [s]."""
-ATTEMPTS, MORE = 100, 2
-"""Further attempts after which a run is aborted: a constant, and more for each step of the plan.
-
-Each retry of a recovery, and each further base pose of a location, is one. Most begin with a search for places, of half
-a second on average; numbers, unlike time, repeat exactly.
-"""
-
-
 STEPS = ("perform", "at_location")
 """Kinds of constructs before which an action may come."""
+NO_SETTINGS = SituationSettings()
 MOST_ALIKE = 3
 """Steps that are named in place of one to which a run did not come."""
 ACTIONS_BEFORE = "with_actions_before"
@@ -132,41 +124,17 @@ def told_of_steps(
     return replace(result, diagnostics=(*result.diagnostics, *found))
 
 
-class Allowance(NamedTuple):
-    """What a run may use before it is aborted."""
-
-    seconds: float
-    """Plan time [s]."""
-    attempts: int
-    """Retries of recoveries and further base poses."""
-
-    @staticmethod
-    def of(source: PlanSource, bound: Mapping[str, Bound], first: Sequence[ActionBefore] = ()) -> Allowance:
-        """Compute it from the steps of a plan and the actions that come first; stated waiting times extend it."""
-        stated = sum(value for value in bound.values() if isinstance(value, float))
-        steps = len(source.actions) + len(first)
-        return Allowance(BUDGET + PER_STEP * steps + source.waiting + stated, ATTEMPTS + MORE * steps)
-
-
-def most_steps(seconds: float, rate: int, repeated: RecordedRun | None) -> int:
-    """Maximum number of world steps for an allowance of plan time [s]; a repeated run ends with its trace."""
-    return int(2 * seconds * rate) if repeated is None else repeated.last + 1
-
-
 def body_of(
     plan: Plan[Any, Any],
     bound: Mapping[str, Bound],
     allowance: Allowance,
     first: Sequence[ActionBefore] = (),
-    *,
-    bare: bool = False,
-    attempts: int = 0,
+    settings: SituationSettings = NO_SETTINGS,
 ) -> Callable[[], Awaitable[Any]]:
     """Make what a host runs: the actions that come ``first``, and the plan, within an ``allowance``.
 
-    If ``bare``, without its recoveries; else each of these may try ``attempts`` times more, which extends it as often.
+    ``settings`` state whether it is without its recoveries, or how often more each of them may try.
     """
-
     before_plan = [one.action for one in first if not one.step]
     before_steps: dict[str, list[Action]] = {}
     for one in first:
@@ -182,9 +150,10 @@ def body_of(
     whole = before_and_plan if before_plan else partial(plan, **bound)
 
     async def body() -> Any:
-        with without_recoveries() if bare else trying_more(attempts), preceded(before_steps):
-            most = allowance.attempts * (1 + attempts)
-            return await tidied(partial(budget, whole, seconds=allowance.seconds, attempts=most))
+        more = without_recoveries() if settings.no_recoveries else trying_more(settings.attempts or 0)
+        with more, preceded(before_steps):
+            within = partial(budget, whole, seconds=allowance.seconds, attempts=allowance.attempts)
+            return await tidied(within)
 
     body.__name__ = plan.name
     vars(body)["iri"] = plan.iri

@@ -20,6 +20,7 @@ from executive.options.headers import header_entries, settings_from_header
 from executive.options.running import RunSettings
 from executive.robots import Missing, Robot, bind_robot, missing_capabilities, with_options
 from executive.robots.arms import with_carrying
+from executive.runs.allowance import Allowance
 from executive.runs.assembly import RobotExecutive, platform_of
 from executive.runs.failure import Failure, line_of_user
 from executive.runs.files import RecipeFile
@@ -35,7 +36,7 @@ from executive.runs.parameters import (
     things_of,
     unknown_things,
 )
-from executive.runs.plan_body import ActionBefore, Allowance, Subject, body_of, most_steps, told_of_steps
+from executive.runs.plan_body import ActionBefore, Subject, body_of, told_of_steps
 from executive.runs.plan_files import (
     Assessment,
     Requirements,
@@ -63,11 +64,7 @@ from executive.runs.true_world import TrueWorld, take_in_hands, worlds_at_start
 from executive.runs.written import WatchedWorld, Written, bodies_of, still_held
 from planlang.designators import Action, local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, has_errors, warning
-from planlang.failures import (
-    AmbiguousPerception,
-    ObjectUnresolvable,
-    PlanFailure,
-)
+from planlang.failures import AmbiguousPerception, ObjectUnresolvable, PlanFailure
 from planlang.kernel import RunError, SimulationHost
 from planlang.language.loading import load_plan
 from planlang.language.performing import module_for
@@ -158,9 +155,9 @@ class Run:
         bound = recorded_parameters(recorded, plan_parameters(self.plan))
         try:
             first = ActionBefore.recorded(recorded.header)
-            settings, within = settings_from_header(recorded.header), Allowance.of(self.source, bound, first)
-            handling = {"bare": settings.get("no_recoveries", False), "attempts": settings.get("attempts", 0)}
-            return replay(body_of(self.plan, bound, within, first, **handling), recorded)
+            settings = RunSettings(**settings_from_header(recorded.header))
+            within = Allowance.of(self.source, bound, len(first), settings)
+            return replay(body_of(self.plan, bound, within, first, settings), recorded)
         except ValueError as problem:
             raise BadInput([error("X020", str(problem), Span(recorded.name, 1))]) from None
 
@@ -216,10 +213,10 @@ class Run:
         self._judge = Judge(stated, truth, subject.in_truth[0], robot.base.radius, declared)
         platform.scene.collisions.prepare()
         first = ActionBefore.read(options.before or (), subject.map, self.plan.name)
-        within = Allowance.of(self.source, subject.bound, first)
+        within = Allowance.of(self.source, subject.bound, len(first), options)
+        platform.resolver.count.most = within.searches
         header = self._header(subject, robot, assessment.infeasible, given, first, platform.scene.world.scene.start)
-        bare, attempts = options.no_recoveries, options.attempts or 0
-        body = body_of(self.plan, subject.bound, within, first, bare=bare, attempts=attempts)
+        body = body_of(self.plan, subject.bound, within, first, options)
         if earlier is not None:
             known = run_header(body, SimulationHost(truth), self.files.seed, options.schedule)
             notes = check_same_run(earlier.recorded, {**header, **known})
@@ -227,7 +224,7 @@ class Run:
             found += notes
         if isinstance(earlier, Past):
             self._restore(executive, earlier)
-        result = self._execute(body, subject.bound, executive, truth, header, earlier, within.seconds)
+        result = self._execute(body, subject.bound, executive, truth, header, earlier, within)
         return told_of_steps(result, first, options.announce)
 
     def _subject(self) -> Subject:
@@ -376,7 +373,7 @@ class Run:
         truth: PyBulletWorld,
         header: Mapping[str, object],
         earlier: Past | Repetition | None,
-        seconds: float,
+        within: Allowance,
     ) -> RunResult:
         options = self.options
         tilts = Tilts(executive.platform.leaning)
@@ -398,7 +395,7 @@ class Run:
                 seed=self.files.seed,
                 schedule=options.schedule,
                 trace=trace,
-                max_steps=most_steps(seconds, truth.rate, options.repeated),
+                max_steps=within.most_steps(truth.rate, options.repeated),
                 resumable=True,
                 resume=earlier if isinstance(earlier, Past) else None,
             )
@@ -430,8 +427,9 @@ class Run:
             written.save(outcome.value, message, failed, ended)
         platform = executive.platform
         held = still_held(platform, truth) if outcome is not Outcome.DONE else {}
-        options.announce(unfulfilled := self._world.ended(outcome.value, () if failure is None else failure.types))
-        self.found += unfulfilled
+        unfulfilled = self._world.ended(outcome.value, () if failure is None else failure.types)
+        options.announce(at_last := [*unfulfilled, *within.told(failed, options)])
+        self.found += at_last
         state = tuple(state_lines(truth, bodies_of(bound, platform, truth), held))
         return RunResult(
             outcome,

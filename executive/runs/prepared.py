@@ -15,7 +15,8 @@ from executive.maps.changed import changed_map
 from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
 from executive.options.declaring import check_written, declared, names
 from executive.options.headers import given_or
-from executive.options.running import LocateOptions, RunSettings
+from executive.options.locating import LocateOptions
+from executive.options.running import RunSettings
 from executive.runs.files import (
     RecipeFile,
     WorldFiles,

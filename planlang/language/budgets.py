@@ -11,6 +11,7 @@ from planlang.designators import Action, local_name
 from planlang.failures import BudgetExceeded, PlanFailure, Timeout
 from planlang.kernel import Task, checkpoint
 from planlang.kernel.core import here, park
+from planlang.kernel.event_loop import MAX_RESUMPTIONS
 from planlang.kernel.primitives import charge as note_charge
 from planlang.kernel.scope import Single
 from planlang.kernel.tree import name_of
@@ -93,6 +94,8 @@ async def timeout(seconds: float, body: Callable[[], Awaitable[V]]) -> V:
     return result
 
 
+RESUMPTIONS = 10
+"""Resumptions of a task that count as long as an attempt takes."""
 _BUDGET = Usage("await budget", {"body": "reach"}, {"seconds": "30", "attempts": "3"})
 
 
@@ -150,8 +153,13 @@ async def take_attempt(construct: str) -> None:
     """Take an attempt from all enclosing budgets; a budget without attempts left evaporates its body.
 
     The budget decides after the round, as all constructs do, so that the outcome is the same under every schedule. A
-    shielded task continues, and its attempt is charged to the budgets that have attempts left.
+    shielded task continues, and its attempt is charged to the budgets that have attempts left. Attempts without end in
+    one world step, which only a plan without a budget makes, end the run with NoProgress.
     """
+    scheduler = here()[0]
+    scheduler.resumptions += RESUMPTIONS
+    if scheduler.resumptions > MAX_RESUMPTIONS:
+        await checkpoint()  # where the event loop ends the run
     decided: list[_Budget] = []
     while empty := [each for each in _enclosing_budgets() if each.left == 0 and each not in decided]:
         await _expire(empty)
@@ -193,6 +201,6 @@ def charge(kind: str, part: str, number: int) -> None:
     note_charge(kind, part, number)
     for enclosing in _enclosing_budgets():
         counts = enclosing.spent if kind == "spent" else enclosing.used
-        counts[part] = counts.get(part, 0) + number
+        counts[part] = counts.pop(part, 0) + number  # what was charged last comes last
         if kind == "used" and enclosing.left is not None:
             enclosing.left = max(0, enclosing.left - number)

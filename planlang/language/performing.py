@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 from planlang.action_classes import levels_above, stated_levels
 from planlang.designators import Action, local_name
-from planlang.failures import ActionUnresolvable, ObjectUndeliverable, PlanFailure
+from planlang.failures import ActionUnresolvable, BudgetExceeded, ObjectUndeliverable, PlanFailure
 from planlang.kernel import All, Fluent, PlanStructureError, Status, Task, checkpoint, wait_for
 from planlang.kernel.core import here, running
 from planlang.kernel.primitives import called, in_node, record
@@ -323,7 +323,8 @@ async def _request(module: ProcessModule, action: Action, resources: tuple[str, 
             if not isinstance(failure, PlanFailure):
                 failure.add_note(f"raised by process module {module.name}, performing {action}")
                 raise
-            if not isinstance(failure, tuple(module.failures)):
+            # what limits the whole run may end any action in it
+            if not isinstance(failure, (*module.failures, BudgetExceeded)):
                 raise PlanStructureError(
                     f"process module {module.name} raised {type(failure).__name__}, which it does not declare; "
                     f"declared: {', '.join(kind.__name__ for kind in module.failures) or 'none'}"

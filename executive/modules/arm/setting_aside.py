@@ -39,6 +39,8 @@ FOR_PEOPLE = "Person-SupportingFurniture"
 """Class of furniture on which people sit or lie."""
 AT_REST = 0.1
 """Height above furniture up to which a person counts as sitting or lying on it [m]: maps state outlines of people."""
+FURTHER_SEARCHES = 40
+"""Searches for places to put down what is held once a plan has failed."""
 BEFORE_GIVING_UP, PUT_DOWN = "beforeGivingUp", "PutDownWhatIsHeld"
 """Property of a failure in ontologies, and the value with which the hands are emptied after it."""
 
@@ -164,6 +166,7 @@ class EmptyingTheHands(PlatformModule):
         await checkpoint()
         if not self._is_stated(request.get("after_failure")):
             return ()
+        self.platform.resolver.count.allow(FURTHER_SEARCHES)  # the plan may have ended because it had none left
         bodies, joints = self.platform.scene.bodies, self.platform.belief.joints
         leaves = tuple(bodies.designator(leaf) for leaf, joint in joints.items() if not joint.is_knob)
         told = []

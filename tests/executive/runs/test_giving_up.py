@@ -6,8 +6,9 @@ from functools import partial
 
 import pytest
 
-from executive.runs.plan_body import Allowance, body_of
-from planlang import Recovery, perform, plan
+from executive.runs.allowance import Allowance
+from executive.runs.plan_body import body_of
+from planlang import RETRY, NoProgress, PlanFailure, Recovery, RecoveryResult, perform, plan
 from planlang.designators import action
 from planlang.failures import BudgetExceeded, ManipulationGoalNotReached
 from planlang.testing import Script, run_plan
@@ -19,13 +20,34 @@ async def reach_in_vain() -> None:
     await perform(action("Reaching"), recoveries=[Recovery(ManipulationGoalNotReached, retries=10**9)])
 
 
-@pytest.mark.parametrize(("extended", "attempts"), [(0, 5), (2, 15)])
-def test_a_plan_that_repeats_for_ever_gives_up_after_a_number_of_attempts(extended: int, attempts: int) -> None:
-    body = body_of(reach_in_vain, {}, Allowance(1e6, 5), attempts=extended)
+def test_a_plan_that_repeats_for_ever_gives_up_after_a_number_of_attempts() -> None:
+    body = body_of(reach_in_vain, {}, Allowance(1e6, attempts := 5))
     run = run_plan(body, script=Script().on("Reaching", fails=ManipulationGoalNotReached))
     assert isinstance(run.failure, BudgetExceeded)
     assert run.failure.used == {"with_failure_handling": attempts}
     assert run.attempts("Reaching") == attempts + 1
+
+
+def test_what_is_done_again_without_end_while_no_time_passes_ends_a_run_without_a_budget() -> None:
+    fault = "step.Reaching:fails=ManipulationGoalNotReached@always"
+    with pytest.raises(NoProgress, match="world step 0"):
+        run_plan(reach_in_vain, faults=[fault])
+
+
+def test_a_recovery_that_itself_never_ends_is_ended_by_the_time_of_the_run() -> None:
+    async def back_off(failure: PlanFailure) -> RecoveryResult:
+        await perform(action("SteppingBack"))
+        return RETRY
+
+    @plan
+    async def reach() -> None:
+        await perform(action("Reaching"), recoveries=[Recovery(ManipulationGoalNotReached, back_off)])
+
+    script = Script().on("Reaching", fails=ManipulationGoalNotReached).on("SteppingBack", after=1e5)
+    run = run_plan(body_of(reach, {}, Allowance(60.0, 5)), script=script)
+    assert isinstance(run.failure, BudgetExceeded)
+    assert "is used up, last by SteppingBack: " in str(run.failure)
+    assert run.seconds == 60.0
 
 
 def test_a_plan_that_takes_too_long_gives_up_after_a_time_of_the_plan() -> None:

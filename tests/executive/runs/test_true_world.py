@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from executive.options.running import LocateOptions
+from executive.options.locating import LocateOptions
 from executive.runs.locating import locate
 from executive.runs.options import Outcome, RunOptions, RunResult
 from executive.runs.plan_run import run_plan_file

@@ -64,6 +64,15 @@ def test_when_the_time_is_used_up_the_body_is_evaporated_with_its_cleanup() -> N
     assert go(plan) == 3.0
 
 
+def test_what_limits_a_run_passes_a_process_module_that_does_not_declare_it(executive: Any, module: Any) -> None:
+    async def searches(wanted: Action) -> None:
+        raise BudgetExceeded("3 searches are used up")
+
+    executive.extra.append(module("arm", ("Reaching",), searches))
+    with pytest.raises(BudgetExceeded, match="3 searches"):
+        go(partial(perform, action("Reaching")), executive)
+
+
 def test_the_failure_says_where_the_time_went(executive: Any, module: Any) -> None:
     async def works(wanted: Action) -> None:
         await sleep(2)
@@ -79,7 +88,7 @@ def test_the_failure_says_where_the_time_went(executive: Any, module: Any) -> No
     with pytest.raises(BudgetExceeded) as caught:
         go(partial(budget, body, seconds=11), executive)
     assert caught.value.spent == {"Reaching": 5.0, "Lifting": 4.0}
-    assert str(caught.value) == "the budget of 11 s is used up: Reaching 5 s, Lifting 4 s"
+    assert str(caught.value) == "the budget of 11 s is used up, last by Reaching: Lifting 4 s, Reaching 5 s"
 
 
 def test_nested_recoveries_share_the_attempts() -> None:
