@@ -289,7 +289,7 @@ class Belief(KnownThings):
         self.memory = replace(self.memory, moves=self.memory.moves + 1)
 
     def hand_failed(self, arm: str) -> None:
-        """Record that the fingers of an arm did not reach their goal."""
+        """Record that the fingers of an arm did not reach their goal, or that they missed or lost a thing."""
         before = self.memory
         self.memory = replace(before, failing={**before.failing, arm: before.failing.get(arm, 0) + 1})
         if self.memory.given_up != before.given_up:

@@ -144,7 +144,7 @@ class Memory:
     refused: Mapping[str, tuple[Pose, ...]] = field(default_factory=dict)
     """Object -> its poses in the tip frame that are ruled out as grips, because it could not be used with them."""
     failing: Mapping[str, int] = field(default_factory=dict)
-    """Arm -> how often its fingers failed to reach their goal since it last grasped something."""
+    """Arm -> how often its fingers did not reach their goal, or missed or lost a thing, since it last grasped one."""
     neck: int = 0
     """How often the neck failed to point the camera since it last arrived."""
     grasp: str | None = None

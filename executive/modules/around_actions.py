@@ -16,6 +16,9 @@ from planlang.changes import TurnedOver
 from planlang.designators import Action, Location, Object, action, local_name
 from planlang.failures import (
     AmountNotPoured,
+    GraspMissed,
+    GraspSlipped,
+    GripperFailure,
     GripperGoalNotReached,
     LookingFailure,
     ObjectNotTurned,
@@ -57,9 +60,9 @@ class RobotModule(ModuleOnce):
             await perform(looking_for(what))
         try:
             result = await super().execute(action)
-        except GripperGoalNotReached as failure:  # a missed grasp tells more about the object than about the hand
-            if failure.arm is not None:
-                self._platform.belief.hand_failed(failure.arm)
+        except (GripperGoalNotReached, GraspMissed, GraspSlipped) as failure:
+            if failure.arm is not None and failure.where is None:  # else another module has raised and noted it
+                self._hand_failed(failure, failure.arm)
             raise
         self._platform.belief.learn()
         effects.catch_up()
@@ -79,6 +82,15 @@ class RobotModule(ModuleOnce):
             for name, pose in (there | lay).items():
                 await check_turned(self._platform, name, pose)
         return result
+
+    def _hand_failed(self, failure: GripperFailure, arm: str) -> None:
+        """Note that a hand has failed; a failure of the last one whose fingers have moved so far says so."""
+        belief, hands = self._platform.belief, self._platform.scene.arms.hands
+        belief.hand_failed(arm)
+        given_up = belief.memory.given_up
+        if isinstance(failure, GripperGoalNotReached) and all(one.name in given_up for one in hands):
+            which = "the robot has no other hand" if len(hands) == 1 else "the other hands were given up as well"
+            failure.message = f"{failure}; {which}"
 
     def _unknown(self, action: Action) -> Iterator[Object]:
         """Yield the objects of an action whose place is unknown, for an action that uses the base.

@@ -233,14 +233,22 @@ class Sensing:
         try:
             await control.follow(Group(GroupKind.HEAD), control.timed(gaze.joints, path))
         except LookingFailure as failure:
-            belief.neck_failed()
             failure.what = name
+            self._neck_failed(failure)
             raise
         if np.abs(control.joints(gaze.joints) - neck).max() <= ARRIVED:
             belief.neck_arrived()
         elif self._misses(point) > camera.half_angle:
-            belief.neck_failed()
-            raise LookingFailure(f"the neck stopped before the camera pointed at {name}", what=name)
+            message = f"the neck stopped before the camera pointed at {name}"
+            raise self._neck_failed(LookingFailure(message, what=name))
+
+    def _neck_failed(self, failure: LookingFailure) -> LookingFailure:
+        """Note that the neck has not arrived; the failure says so, if it counts as stuck now."""
+        belief = self._control.belief
+        belief.neck_failed()
+        if belief.memory.neck_given_up:
+            failure.message = f"the neck is stuck: {failure}"
+        return failure
 
     def _misses(self, point: Array) -> float:
         """Compute by how much the camera, as it is, misses a map point (3,) [rad]; infinity without one."""

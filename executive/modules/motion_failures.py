@@ -28,7 +28,7 @@ def failure_of(
         case GroupKind.BASE:
             return NavigationGoalNotReached(f"{NavigationGoalNotReached.text}{suffix}")
         case GroupKind.HEAD:
-            return LookingFailure(f"{LookingFailure.text}{suffix}")
+            return LookingFailure(f"the neck did not arrive{suffix}")
         case GroupKind.FINGERS:
             return GripperGoalNotReached(f"{GripperGoalNotReached.text}{suffix}", arm=group.arms[0])
     goals = dict(zip(trajectory.names, trajectory.positions[-1].tolist(), strict=True))

@@ -7,6 +7,7 @@ from functools import partial
 
 import pytest
 
+import planlang
 from executive.runs.options import Outcome
 from executive.runs.plan_run import run_plan_file
 from planlang.designators import a_device, a_location
@@ -28,6 +29,26 @@ def gives_up(stage: Stage, arm: str) -> None:
 def test_the_left_hand_serves_where_the_right_one_is_dead(how: str) -> None:
     ended = run_plan_file(replace(BUNDLED, around=partial(kill, side="right", how=how)))
     assert ended.outcome is Outcome.DONE, ended.message
+
+
+def test_a_thing_that_one_hand_misses_again_and_again_is_taken_by_the_other() -> None:
+    run = planlang.simulate("serve_a_drink", fault="gripper.right:misses@always")
+    assert run.message == "done"
+    given_up = [one["name"] for one in run.trace if one["event"] == "belief" and one["change"] == "given up"]
+    assert given_up == ["hand of right"]
+
+
+@pytest.mark.parametrize(
+    ("robot", "fault", "said"),
+    [
+        ("panda", "gripper:stays_closed@always", "the robot has no other hand"),
+        pytest.param("amigo", "gripper:breaks@always", "the other hands were given up as well", marks=pytest.mark.long),
+    ],
+)
+def test_a_robot_without_a_hand_that_works_says_so(robot: str, fault: str, said: str) -> None:
+    run = planlang.simulate("serve_a_drink", robot=robot, trust_map=True, fault=fault)
+    assert run.failures == ("ObjectUnfetchable", "GripperGoalNotReached")
+    assert said in run.message
 
 
 def test_a_base_pose_is_for_the_hand_that_is_not_given_up(ward: Stage) -> None:

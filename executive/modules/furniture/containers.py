@@ -358,7 +358,8 @@ class LeafWork(HandWork):
             raise GraspSlipped(arm=arm.name, what=path.handle)
         if motion.state is not MotionState.DONE:
             met = await platform.sensing.bump(motion)
-            raise ContainerStuck(f"{joint.leaf} is stopped{'' if met is None else f' by {met}'}", what=joint.leaf)
+            how = "is stuck" if met is None else f"is stopped by {met}"
+            raise ContainerStuck(f"{joint.leaf} {how}", what=joint.leaf)
 
     def _timed(self, path: LeafPath) -> Trajectory:
         """Time the arm's path so that the hand stays on the handle's path also between waypoints; shorten if needed.

@@ -42,6 +42,17 @@ def test_a_neck_that_does_not_move_is_a_failure_of_looking_and_not_of_the_object
     with pytest.raises(LookingFailure) as caught:
         stage.run(lambda: perform(LOOK))
     assert caught.value.what == "bottle"
+    assert str(caught.value).startswith("the neck")
+
+
+def test_a_neck_that_does_not_move_the_second_time_is_called_stuck(make_stage: MakeStage) -> None:
+    stage = aside(make_stage)
+    messages = []
+    for _ in range(2):
+        with pytest.raises(LookingFailure) as caught:
+            stage.run(lambda: perform(LOOK))
+        messages.append(str(caught.value))
+    assert messages[1] == f"the neck is stuck: {messages[0]}"
 
 
 def test_a_robot_with_a_stuck_neck_turns_the_base_until_the_camera_sees_the_object(make_stage: MakeStage) -> None:
