@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from executive.runs.fault_report import FaultReport
 from executive.runs.prepared import RunFiles
 from executive.runs.simulated import SimulatedWorld
 from planlang.diagnostics import BadInput, Diagnostic, error, warning
-from planlang.faults.drawing import Draw
-from planlang.faults.kinds import Opportunity
-from planlang.faults.named import NamedFault, read_faults
+from planlang.faults.drawing import Draw, Drawn
+from planlang.faults.named import NamedFault, WrongFault, read_faults
 from planlang.faults.stated import DONE
+from planlang.faults.steps import Fault, Injector, is_of_step
 from planlang.spelling import similar
 from sim.faults.faulty_robot import FaultyRobot
 from sim.faults.faulty_world import FaultyWorld
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from executive.belief import Belief
     from executive.robots import Robot
     from executive.robots.robot import Arm
+    from planlang.kernel.tree import Node
     from sim import Scene
 
 
@@ -37,12 +38,23 @@ class FaultyRun(SimulatedWorld):
         self._named, self._expected, self._is_strict = named, files.expected, options.faults is not None
         self._draw = Draw(named, rate, seed)
         self._injection = Injection(truth, self._draw)
+        self._steps = Injector([str(one) for one in named if is_of_step(one)], self._fails)
         hands = {arm.tip: _names(arm) for arm in robot.arms}
         super().__init__(truth, FaultyRobot(self._injection, hands))
 
     def told_by(self, belief: Belief) -> None:
         """Record by a belief what goes wrong."""
         self._injection.tell = lambda event, details: belief.tell(event, details)
+
+    def begins(self, node: Node) -> None:
+        """Let a step fail that is stated to, as it begins; raises its failure."""
+        self._steps(node)
+
+    def _fails(self, fault: Fault) -> None:
+        """Count a step that fails, which is no opportunity of the world."""
+        named = fault.named
+        assert named is not None
+        self._draw.happened(Drawn(named.kind, fault.step, 0, self._draw.seed, named.value, named), self._injection.now)
 
     def report(self) -> FaultReport:
         """Say what has gone wrong so far."""
@@ -75,15 +87,25 @@ def _names(arm: Arm) -> tuple[str, ...]:
     return tuple(dict.fromkeys(filter(None, (arm.name, arm.side))))
 
 
+def _wrong_step(fault: NamedFault) -> Iterator[Diagnostic]:
+    """Say what is wrong with a stated fault of a step."""
+    try:
+        read = Fault.read(str(fault))
+    except WrongFault as problem:
+        yield error("X041", str(problem))
+        return
+    if any(one.at is not None for one in read):
+        yield error("X041", f"{fault}: a step fails as it begins", help="state its number, such as @2, @2-4 or @always")
+
+
 def _check_names(named: Sequence[NamedFault], scene: Scene, robot: Robot) -> None:
     """Raise BadInput for a fault of an arm, thing, person, door or device that is not there."""
     arms = [name for arm in robot.arms for name in _names(arm)]
     bodies = [body.name for body in scene.bodies]
-    problems = []
+    problems = list[Diagnostic]()
     for one in named:
-        if one.kind.opportunity is Opportunity.STEP:
-            advice = "state what goes wrong in the world, such as gripper:misses; a scripted test lets steps fail"
-            problems.append(error("X041", f"{one}: steps fail by themselves in scripted runs only", help=advice))
+        if is_of_step(one):
+            problems += _wrong_step(one)
             continue
         known: Collection[str] = [*arms, *bodies] if one.kind.part in ("gripper", "arm") else bodies
         if one.of is not None and one.kind.part not in ("base", "head", "camera") and one.of not in known:

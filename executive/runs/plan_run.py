@@ -395,6 +395,7 @@ class Run:
                 seed=self.files.seed,
                 schedule=options.schedule,
                 trace=trace,
+                on_start=self._world.begins,
                 max_steps=within.most_steps(truth.rate, options.repeated),
                 resumable=True,
                 resume=earlier if isinstance(earlier, Past) else None,

@@ -12,6 +12,7 @@ from sim import PyBulletWorld
 if TYPE_CHECKING:
     from executive.belief import Belief
     from executive.runs.fault_report import FaultReport
+    from planlang.kernel.tree import Node
 
 
 class SimulatedWorld:
@@ -30,6 +31,9 @@ class SimulatedWorld:
 
     def told_by(self, belief: Belief) -> None:
         """Record by a belief what goes wrong."""
+
+    def begins(self, node: Node) -> None:
+        """Let a step fail that is stated to, as it begins; raises its failure."""
 
     def report(self) -> FaultReport | None:
         """Say what has gone wrong so far; None if no faults are stated."""

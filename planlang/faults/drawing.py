@@ -63,7 +63,7 @@ class Draw:
 
     def __init__(self, named: Sequence[NamedFault], rate: float, seed: int) -> None:
         """``rate`` is the share of opportunities, from 0 to 1, at which something goes wrong by chance."""
-        self._named, self._rate, self._seed = tuple(named), rate, seed
+        self._named, self._rate, self.seed = tuple(named), rate, seed
         self._counts = [0] * len(self._named)
         """Opportunities at which each named fault could have happened."""
         self.opportunities = 0
@@ -92,14 +92,14 @@ class Draw:
             if chosen is None and one.when.is_now(self._timed_count(place, one, time), time):
                 chosen = one
         if chosen is not None:
-            return Drawn(chosen.kind, of, number, self._seed, chosen.value, chosen)
-        if self._rate <= 0 or share(self._seed, number) >= self._rate:
+            return Drawn(chosen.kind, of, number, self.seed, chosen.value, chosen)
+        if self._rate <= 0 or share(self.seed, number) >= self._rate:
             return None
         kinds = [one for one in KINDS if one.opportunity is opportunity and one.recovers and can(one, None, None)]
         if not kinds:
             return None
-        kind = kinds[int(share(self._seed, number, "kind") * len(kinds))]
-        return Drawn(kind, of, number, self._seed)
+        kind = kinds[int(share(self.seed, number, "kind") * len(kinds))]
+        return Drawn(kind, of, number, self.seed)
 
     def _timed_count(self, place: int, fault: NamedFault, time: float) -> int:
         """Count the opportunities of a fault; of one with a plan time only those since then."""

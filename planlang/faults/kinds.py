@@ -21,7 +21,7 @@ class Opportunity(StrEnum):
     HANDLE = "a contact with a handle"
     OFFER = "an offer to a person"
     SWITCHING = "a switching of a device"
-    STEP = "a start of a step of a scripted run"
+    STEP = "a start of a step"
 
 
 class Sense(StrEnum):

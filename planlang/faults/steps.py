@@ -1,4 +1,4 @@
-"""Faults of steps: failures that are injected into steps of a scripted run, at a given attempt or time."""
+"""Faults of steps: failures that are injected into steps of a run, at a given attempt or time."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ from planlang.plan_failure import PlanFailure
 from planlang.records import dataclass
 from planlang.spelling import guess
 
+FAULT = "fault"
+"""Event of a step that fails as it is stated to, after that of its start: a replay lets it fail there again."""
 Raises = type[BaseException] | BaseException | Callable[[], BaseException]
 
 
@@ -61,15 +63,29 @@ class Fault:
         return f"{what} in {self.step}{which}{when}"
 
 
-def _of_steps(fault: NamedFault) -> Iterator[Fault]:
-    """Yield the faults of steps that a stated one means."""
-    if fault.kind.opportunity is not Opportunity.STEP or fault.of is None or fault.value is None:
-        example = "step.grasp:fails=ObjectLost@2"
-        raise WrongFault(f"{fault}: a scripted robot has no world, so only steps fail; write for example {example}")
+def is_of_step(fault: NamedFault) -> bool:
+    """Check whether a stated fault is one of a step, which fails by itself whatever the world is like."""
+    return fault.kind.opportunity is Opportunity.STEP
+
+
+def stated_failure(fault: NamedFault) -> type[PlanFailure]:
+    """Look up the failure that a stated fault of a step names. Raises WrongFault."""
+    if fault.of is None or fault.value is None:
+        raise WrongFault(f"{fault}: name a step and its failure, such as step.grasp:fails=ObjectLost@2")
     raises = getattr(failures, fault.value, None)
     if not (isinstance(raises, type) and issubclass(raises, PlanFailure)):
         names = [name for name, one in vars(failures).items() if isinstance(one, type)]
         raise WrongFault(f"{fault}: there is no failure {fault.value}; {guess(fault.value, names)}")
+    return raises
+
+
+def _of_steps(fault: NamedFault) -> Iterator[Fault]:
+    """Yield the faults of steps that a stated one means."""
+    if not is_of_step(fault):
+        example = "step.grasp:fails=ObjectLost@2"
+        raise WrongFault(f"{fault}: a scripted robot has no world, so only steps fail; write for example {example}")
+    raises = stated_failure(fault)
+    assert fault.of is not None
     when = fault.when
     if when.since is not None and when.last == 1:
         yield Fault(fault.of, raises, at=when.since, named=fault)
@@ -85,8 +101,12 @@ def _of_steps(fault: NamedFault) -> Iterator[Fault]:
 class Injector:
     """Injector of the faults of one run."""
 
-    def __init__(self, faults: Sequence[Fault | str]) -> None:
-        """A text states faults in the grammar of :mod:`planlang.faults.named`. Raises WrongFault."""
+    def __init__(self, faults: Sequence[Fault | str], told: Callable[[Fault], object] = lambda fault: None) -> None:
+        """A text states faults in the grammar of :mod:`planlang.faults.named`. Raises WrongFault.
+
+        ``told`` is called with each fault that happens.
+        """
+        self._told = told
         read = (Fault.read(one) if isinstance(one, str) else (one,) for one in faults)
         self._faults = tuple(chain.from_iterable(read))
         self._starts = [0] * len(self._faults)
@@ -126,6 +146,9 @@ class Injector:
             scheduler.alarm(task, delay, partial(self._break, number, node, task, scheduler))
         else:
             self._injected[number] = True
+            self._told(fault)
+            if fault.named is not None and scheduler.observer is not None:
+                scheduler.observer.write(scheduler.now, FAULT, node, fault=str(fault.named))
             raise make_failure(fault.raises)
 
     def _break(self, number: int, node: Node, task: Task, scheduler: Scheduler) -> None:
@@ -134,6 +157,7 @@ class Injector:
             current = current.parent
         if current is not None and not task.cancelled:  # the node is still open
             self._injected[number] = True
+            self._told(self._faults[number])
             break_off(scheduler, task, make_failure(self._faults[number].raises))
 
 

@@ -15,7 +15,7 @@ from planlang.kernel.tree import Node, unbound
 from planlang.plan_failure import PlanFailure, Where
 
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-_OWN = tuple(os.path.join(_PACKAGE, part) for part in ("kernel/", "language/", "runs/", "recoveries.py"))
+_OWN = tuple(os.path.join(_PACKAGE, part) for part in ("kernel/", "language/", "runs/", "faults/", "recoveries.py"))
 DELIVERED = frozenset({"executive", "sim"})
 """Packages that come with the plan language: a line of theirs tells the author of a plan nothing."""
 SHOWN = 20
@@ -149,7 +149,7 @@ def explain_recursion(error: RecursionError, path: str) -> None:
 
 VARIABLE = "PLANLANG_TRACEBACK"
 """Environment variable: if it is set, tracebacks keep all frames."""
-_PARTS = ("kernel", "language", "runs", "testing", "recoveries", "misuse", "records")
+_PARTS = ("kernel", "language", "runs", "faults", "testing", "recoveries", "misuse", "records")
 _INTERNAL = tuple(f"planlang.{part}" for part in _PARTS)
 """Modules whose frames are removed."""
 _INTENTIONAL = (PlanFailure, PlanStructureError, RunError, CleanupOverrun, AssertionError, KeyboardInterrupt)

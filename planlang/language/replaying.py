@@ -10,12 +10,16 @@ from __future__ import annotations
 import contextvars
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from typing import Any, NoReturn, cast
 
 from planlang.designators import Action
+from planlang.faults.named import NamedFault, WrongFault
+from planlang.faults.steps import FAULT, stated_failure
 from planlang.kernel import shield
 from planlang.kernel.core import here, park
 from planlang.kernel.errors import DeadlockError, Evaporated
+from planlang.kernel.tree import Node
 from planlang.language.budgets import charge
 from planlang.language.executive import Executive, RecordedExecutive
 from planlang.language.resources import Arbiter, Lease, holding
@@ -76,6 +80,7 @@ def replay(plan: Callable[[], Awaitable[Any]], recorded: RecordedRun) -> Replay:
     scheduler = ReplayScheduler(ReplayHost(rate, trace), order, seed=seed, observer=trace)
     trace.attach(scheduler)
     scheduler.recorded = trace
+    scheduler.on_start = partial(_fail_again, trace)
     executive = _ReplayedExecutive(trace, order) if trace.was_asked("modules") else None
     try:
         contextvars.copy_context().run(inside_of, scheduler, plan, executive)
@@ -91,6 +96,16 @@ def replay(plan: Callable[[], Awaitable[Any]], recorded: RecordedRun) -> Replay:
     of = len(recorded.lines)
     last = None if trace.difference is None else trace.difference.line
     return Replay(trace.difference, of if last is None else last - 1, of, recorded.outcome)
+
+
+def _fail_again(trace: ReplayCheck, node: Node) -> None:
+    """Let a step fail as it begins, if it was stated to fail there in the recorded run."""
+    line = trace.next()
+    if line is not None and (line.event, line.path) == (FAULT, node.path):
+        stated = str(line.record.get("fault"))
+        trace.write(here()[0].now, FAULT, node, fault=stated)
+        with suppress(WrongFault):  # a damaged trace: the end of the step is the first difference
+            raise stated_failure(NamedFault.read(stated))()
 
 
 class _ReplayedExecutive(RecordedExecutive):

@@ -63,7 +63,8 @@ class FaultyWorld(PyBulletWorld):
         """Nothing goes wrong before somebody is asked."""
         super().__init__(scene, robot, gui=gui, seed=seed)
         self._go_on: Callable[[], None] = _nothing
-        self._people: People = HeedingPeople(self._bodies, self.rate)
+        self._people: People = (heeding := HeedingPeople(self._bodies, self.rate))
+        self._heeding = heeding
 
     def then(self, go_on: Callable[[], None]) -> None:
         """Call a function at the end of each step."""
@@ -77,7 +78,7 @@ class FaultyWorld(PyBulletWorld):
     def heed(self, *, switches: Heeds, heeds: Heeds) -> None:
         """Ask whether a device switches to a state, and whether a person heeds a thing that is offered."""
         self._switches = switches
-        self._people.heeds = heeds  # type: ignore[attr-defined]
+        self._heeding.heeds = heeds
 
     def _switch(self, device: str, state: str) -> None:
         if self._switches(device, state):

@@ -66,7 +66,7 @@ class Motions:
             return trajectory
         match str(fault.kind):
             case "base:drifts":
-                self._injection.happens(fault)
+                self._injection.later(partial(self._has_drifted, group, fault))
                 return _drifting(trajectory, fault)
             case "base:blocked":
                 self._block(trajectory, fault)
@@ -96,6 +96,13 @@ class Motions:
 
         self._injection.later(stops)
         return short
+
+    def _has_drifted(self, group: Group, fault: Drawn) -> bool:
+        """Record, once the base stands, that its wheels have slipped."""
+        if self._truth.motion(group).state is MotionState.MOVING:
+            return False
+        self._injection.happens(fault)
+        return True
 
     def motion(self, group: str) -> Motion:
         """Return the state of a group's motion, as its driver reports it."""

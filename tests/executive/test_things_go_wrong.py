@@ -58,7 +58,41 @@ def test_a_bottle_is_fetched_from_a_cupboard_though_its_door_goes_wrong(fault: s
 
 def test_a_door_that_never_moves_ends_in_a_failure_that_says_so() -> None:
     run = planlang.simulate("fetch_from_cabinet", fault="door:jams")
-    assert "ContainerStuck" in run.failures
+    assert "ContainerStuck: cabinet_door1 is stuck" in run.message
+
+
+def test_a_neck_that_is_stuck_for_ever_is_called_so_and_the_base_turns_instead() -> None:
+    run = planlang.simulate("serve_a_drink", fault="head:stalls@always")
+    assert run.message == "done"
+    failed = [one["failure"]["message"] for one in run.trace if one["event"] == "ended" and "failure" in one]
+    assert any(message.startswith("the neck is stuck: the neck did not arrive") for message in failed)
+
+
+def test_a_base_that_drifts_has_done_so_once_it_stands() -> None:
+    run = planlang.simulate("serve_a_drink", fault="base:drifts@1")
+    assert run.faults is not None
+    drive = next(one for one in run.trace if one["event"] == "started" and one.get("kind") == "perform")
+    ended = next(one["step"] for one in run.trace if one["event"] == "ended" and one["node"] == drive["node"])
+    assert run.faults.fired[0]["time"] == pytest.approx(ended / 30, abs=0.1)
+
+
+def test_a_step_that_is_stated_to_fail_fails_in_a_world_as_in_a_script() -> None:
+    run = planlang.simulate("serve_a_drink", fault="step.CloseGripper:fails=GraspMissed@1-2")
+    assert happened(run) == ["step:fails"] * 2
+    assert run.message == "done"
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("step.Reaching:fails=GraspMised", "did you mean GraspMissed"),
+        ("step.Reaching:fails=GraspMissed@3s", "a step fails as it begins"),
+        ("step.Reaching:fails=GraspMissed@2-", "of a step, state a number"),
+    ],
+)
+def test_a_step_that_cannot_fail_as_stated_is_refused(fault: str, said: str) -> None:
+    with pytest.raises(BadInput, match=said):
+        planlang.simulate("serve_a_drink", fault=fault)
 
 
 def test_a_fault_is_recorded_replayed_and_resumed_byte_for_byte(tmp_path: Path) -> None:
