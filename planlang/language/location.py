@@ -68,6 +68,8 @@ SAME_POSE = 0.05
 """
 AGAIN = 3
 """Attempts to repeat a motion that did not reach its goal, the same number as in plans compiled from recipes."""
+AGAIN_WITHIN = 120.0
+"""Plan time after which a motion is not repeated any more [s], as in these plans."""
 NOT_ARRIVED = (ManipulationGoalNotReached, GripperGoalNotReached, NavigationGoalNotReached)
 """Failures of motions that may succeed when repeated."""
 MAX_DISPLACEMENTS = 10
@@ -337,7 +339,7 @@ async def make_room(executive: Executive) -> None:
     """
     for motion in executive.before_retry():
         with suppress(ManipulationFailure, NavigationFailure):
-            await perform(motion, recoveries=[Recovery(NOT_ARRIVED, retries=AGAIN)])
+            await perform(motion, recoveries=[Recovery(NOT_ARRIVED, retries=AGAIN, within=AGAIN_WITHIN)])
 
 
 def _near(solution: Solution, failed: Solution) -> bool:
