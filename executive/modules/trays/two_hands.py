@@ -315,7 +315,7 @@ class TwoHands(HandWork):
             places,
             lowered,
             approach,
-            failures=(ManipulationPoseUnreachable, NavigationFailure),
+            failures=(ManipulationPoseUnreachable, ManipulationGoalInCollision, NavigationFailure),
             otherwise=partial(self._nowhere, name, [paths], "put down"),
         ).run()
 
