@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,7 +50,7 @@ class NarrowDoorway:
     needed: float
     """Width through which it would drive [m]."""
     held: tuple[str, ...]
-    """What it holds."""
+    """What it holds, if that makes it wider."""
     door: str = ""
     """The leaf in it, if that is not open as far as it goes."""
     wide_open: float = 0.0
@@ -77,11 +78,18 @@ def narrow_doorway(scene: PlanningScene, place: Array) -> NarrowDoorway | None:
     for point in () if way is None else way[:, None]:
         for name, block, width, door in narrow:
             if _inside(block, point)[0]:
-                held = tuple(scene.belief.held)
+                held = _made_wider_by(scene, needed)
                 if door is None or scene.belief.joint(door.leaf) >= AS_FAR_AS_IT_GOES * door.upper:
                     return NarrowDoorway(name, width, needed, held)
                 return NarrowDoorway(name, width, needed, held, door.leaf, free_width(scene, door, door.upper))
     return None
+
+
+def _made_wider_by(scene: PlanningScene, needed: float) -> tuple[str, ...]:
+    """List what the robot holds, if it needs less width than ``needed`` [m] with empty hands as its arms are."""
+    held = tuple(scene.belief.held)
+    state = replace(scene.belief.state.placed(dict.fromkeys(held)), held={})
+    return held if held and needed_width(scene.supposing(state)) < needed else ()
 
 
 def free_width(scene: PlanningScene, door: Articulation, value: float) -> float:

@@ -15,7 +15,15 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations.changes import Changes, IsFeasible, WhatLacks, with_supports
 from executive.locations.dropping import undroppable
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
-from executive.locations.hand_predicates import Stage, candidates_of, narrowest, narrowest_grip, unknown_fit
+from executive.locations.hand_predicates import (
+    BETWEEN_FINGERS,
+    Stage,
+    barely_too_wide,
+    candidates_of,
+    narrowest,
+    narrowest_grip,
+    unknown_fit,
+)
 from executive.locations.inverse_maps import InverseMaps
 from executive.locations.questions import Question
 from executive.locations.reachability import CELL, GraspClass, ReachabilityMap
@@ -41,8 +49,6 @@ HAIR = 1e-3
 """Height difference up to which nothing counts as too high or too low [m]."""
 BASES = frozenset({NO_ROOM, NO_WAY, NOT_VISIBLE})
 """Reasons for which base poses are rejected."""
-BETWEEN_FINGERS = 0.003
-"""Room that open fingers need beyond the width of a thing [m]."""
 APPROACHES = {GraspClass.SIDE: "from the side", GraspClass.TILTED: "at a slant", GraspClass.TOP: "from above"}
 AROUND = 2.5
 """Distance from a thing within which to look for floor for the base [m]."""
@@ -292,10 +298,7 @@ class _Explanation:
             return unknown_fit(part, wide, unknown)
         if wide < opening - BETWEEN_FINGERS:
             return ""
-        return (
-            f"{part} is {wide:.3f} m wide; the gripper of {called(arm)} opens to {opening:.3f} m, and needs "
-            f"{BETWEEN_FINGERS:g} m of that to get around it"
-        )
+        return barely_too_wide(part, wide, opening, arm)
 
     def in_collision(self) -> str:
         """Name the body that a hand or arm would collide with most often."""

@@ -58,6 +58,8 @@ AT_CENTRE = 0.01
 """Largest distance of a grip point from the centre, or from the vertical through it [m]."""
 OTHER_GRIP = math.radians(30.0)
 """Smallest difference in steepness from a grip that could not be used [rad]."""
+BETWEEN_FINGERS = 0.003
+"""Room that open fingers need beyond the width of a thing [m]."""
 FINGERS = 0.05
 """Greatest length of fingers beyond the grip point [m]."""
 AT_POSE = 0.02
@@ -369,6 +371,8 @@ def _count_no_grip(reach: Reach, grips: Sequence[Block], arm: ArmModel, rejectio
     wide = narrowest(grip)
     if wide > arm.max_opening:
         reason, figures = "too wide for the gripper", f"{part} is {wide:.3f} m wide, {opening}"
+    elif not arm.bare and wide > arm.max_opening - BETWEEN_FINGERS:
+        reason, figures = "too wide for the gripper", barely_too_wide(part, wide, arm.max_opening, arm.name)
     elif arm.bare:
         reason, figures = "hand without shapes", unknown_fit(part, wide, arm)
     elif arm.covering is not None:
@@ -381,11 +385,19 @@ def _count_no_grip(reach: Reach, grips: Sequence[Block], arm: ArmModel, rejectio
         reason = "no room for the hand around it"
         high = grip.high - grip.low
         figures = (
-            f"{part} is {wide:.3f} m wide and fits between the fingers ({opening}), but it is {high:.3f} m high, and "
-            f"the palm or the tips of the fingers would touch {body} or what it stands on"
+            f"{part} is {wide:.3f} m wide and fits between the fingers, but is only {high:.3f} m high: the palm or the "
+            f"fingertips would touch {body} or what it stands on"
         )
     rejections.add(reason)
     rejections.figures[reason] = figures
+
+
+def barely_too_wide(part: str, wide: float, opening: float, arm: str) -> str:
+    """State that a part of a width [m] leaves the open fingers of an arm no room; they open to ``opening`` [m]."""
+    return (
+        f"{part} is {wide:.3f} m wide; the gripper of {called(arm)} opens to {opening:.3f} m, and needs "
+        f"{BETWEEN_FINGERS:g} m of that to get around it"
+    )
 
 
 def unknown_fit(part: str, wide: float, arm: ArmModel) -> str:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from executive.belief.doorways import narrow_doorway
+from executive.belief.doorways import NarrowDoorway, narrow_doorway
 from executive.motion import NoPath
 from planlang.designators import Object, a_location
 from planlang.geometry import Pose
@@ -71,15 +71,20 @@ def test_search_counts_what_the_hand_holds() -> None:
         assert len(collisions.travelled().silhouette) > len(collisions.floor().silhouette)
 
 
-@pytest.mark.parametrize(("carries", "told"), [(False, "the robot needs 0.76 m"), (True, "with mug the robot needs")])
-def test_doorway_that_is_too_narrow_is_named_with_what_the_robot_needs(carries: bool, told: str) -> None:
+@pytest.mark.parametrize("carries", [False, True], ids=["empty hands", "mug"])
+def test_doorway_that_is_too_narrow_is_named_with_what_the_robot_needs(carries: bool) -> None:
     drawn = flat(1, (0.6, 0.6))
     with ExitStack() as stack:
         platform = in_flat(stack, drawn, "amigo", carries=carries)
         narrow = narrow_doorway(platform.scene, np.array(drawn.goal[:2]))
         assert narrow is not None
-        assert (narrow.name, narrow.width) == ("doorway1", 0.6)
-        assert told in str(narrow)
+        assert narrow.width == 0.6
+        assert str(narrow) == "doorway1 is 0.60 m wide; the robot needs 0.76 m", "a mug makes it no wider"
+
+
+def test_what_makes_the_robot_wider_than_a_doorway_is_named() -> None:
+    told = str(NarrowDoorway("doorway1", 0.95, 1.1, ("tray1",)))
+    assert told == "doorway1 is 0.95 m wide; with tray1 the robot needs 1.10 m"
 
 
 def test_no_doorway_is_named_where_all_are_wide_enough_or_passed() -> None:

@@ -20,7 +20,7 @@ from planlang.failures import LocationUnresolvable, ObjectUnresolvable
 from planlang.geometry import Pose
 from planlang.relations.demands import Reach, ReachKind
 from sim import Body
-from sim.scene import Handle
+from sim.scene import BodyShape, Handle
 from tests.executive.conftest import BED, BOTTLE, CABINET, PATIENT, PLACE, THE_BOTTLE, MakeStage, Stage
 from tests.support.examples import some
 from tests.support.leaves import drawn, room
@@ -136,6 +136,13 @@ def test_a_plate_that_fits_between_the_fingers_is_not_called_too_wide(refused: R
     failure = refused(TO_GRASP, CABINET, replace(BOTTLE, size=(0.06, 0.06, 0.003), pose=Pose((1.5, 0.0, 0.8015))))
     assert "too wide for the gripper" not in failure.counts
     assert "bottle is 0.060 m wide and fits between the fingers" in str(failure)
+
+
+def test_what_is_as_wide_as_the_fingers_open_is_not_said_to_fit_between_them(refused: Refused) -> None:
+    book = replace(BOTTLE, shape=BodyShape.BOX, size=(0.11, 0.18, 0.03), pose=Pose((1.5, 0.0, 0.815)))
+    told = str(refused(TO_GRASP, CABINET, book))
+    assert "bottle is 0.110 m wide; the gripper of the " in told
+    assert "arm opens to 0.110 m, and needs 0.003 m of that to get around it" in told
 
 
 def test_the_width_of_a_handle_is_called_that_of_the_handle(refused: Refused) -> None:
