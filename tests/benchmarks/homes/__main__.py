@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,11 +24,11 @@ from executive.processes.workers import Limits
 from executive.sweeps import Row
 from executive.sweeps import run as sweep
 from executive.sweeps.files import read_sweep
-from executive.sweeps.records import Done
 from planlang.diagnostics import BadInput
 from planlang.ontology import load
 from tests.benchmarks.homes import series
 from tests.benchmarks.homes.furnishing import NoRoom
+from tests.benchmarks.homes.progress import Progress
 from tests.benchmarks.homes.robots import BLIND, MADE, ROBOTS, named
 from tests.benchmarks.homes.series import Case, NotAccepted
 from tests.benchmarks.homes.table import documented, tables
@@ -135,31 +134,11 @@ def _swept(
     """Run tasks in supervised processes; return their rows."""
     for robot in {case.robot for case in cases}:
         named(robot)  # it is made before several processes want it
-    told = _Progress(len(cases))
+    told = Progress(len(cases))
     worlds = [case.world | {"witnessed": witnessed} for case in cases]
     job = "tests.benchmarks.homes.trial:job"
     engine = _engine(given)
     return sweep(worlds, job, **engine, limits=LIMITS, out=out, about=about, told=told, resumed=told.resumed)
-
-
-class _Progress:
-    """Prints a line for each task."""
-
-    def __init__(self, total: int) -> None:
-        self.total, self.done, self.began = total, 0, time.monotonic()
-        self.known = 0
-
-    def resumed(self, rows: Sequence[Row]) -> None:
-        """Say how many rows there are."""
-        self.known = len(rows)
-
-    def __call__(self, done: Done) -> None:
-        """Say how a task ended, and how long the others will take."""
-        self.done, row = self.done + 1, done.row
-        left = (self.total - self.known - self.done) * (time.monotonic() - self.began) / self.done
-        said = "reached" if row.get("reached") else f"{row['outcome']}: {row.get('failure')} {row.get('unmet')}"
-        kind = row.get("witness", {}).get("kind", "")
-        print(f"{row['world']:40} {done.seconds:6.1f} s, {left / 60:.0f} min left  {kind} {said[:220]}", flush=True)
 
 
 def _table(given: argparse.Namespace) -> int:

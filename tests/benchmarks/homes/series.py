@@ -54,23 +54,23 @@ class Case:
         return {"world": key, "repeat": self.command, **asdict(self)}
 
 
-def acceptance_seed(commit: str) -> int:
-    """Return the first seed of the acceptance series of a commit."""
-    number = int.from_bytes(hashlib.sha256(f"homes {commit}".encode()).digest()[:6], "big")
+def acceptance_seed(commit: str, what: str = "homes") -> int:
+    """Return the first seed of the acceptance series of a commit; ``what`` is measured."""
+    number = int.from_bytes(hashlib.sha256(f"{what} {commit}".encode()).digest()[:6], "big")
     return ACCEPTANCE + SPAN * (number % 1_000_000)
 
 
-def commit_measured(top: Path = TOP, *, allow_changes: bool = False) -> str:
-    """Return the commit of the checkout; raises NotAccepted if files of the product differ from it."""
-    changed = "" if allow_changes else _git(top, "status", "--porcelain", "--", *PRODUCT)
+def commit_measured(top: Path = TOP, *, allow_changes: bool = False, measured: Sequence[str] = PRODUCT) -> str:
+    """Return the commit of the checkout; raises NotAccepted if what is measured differs from it."""
+    changed = "" if allow_changes else _git(top, "status", "--porcelain", "--", *measured)
     if changed:
         raise NotAccepted(f"files of the product are not committed:\n{changed}")
     return _git(top, "rev-parse", "HEAD")
 
 
-def acceptance_series(commit: str, tasks: int, burnt: Path = BURNT) -> range:
+def acceptance_series(commit: str, tasks: int, burnt: Path = BURNT, what: str = "homes") -> range:
     """Return the acceptance seeds of a commit; raises NotAccepted if they are burnt."""
-    first = acceptance_seed(commit)
+    first = acceptance_seed(commit, what)
     for one in json.loads(burnt.read_text(encoding="utf-8")):
         if one["first"] == first:
             raise NotAccepted(f"the series of {commit} is burnt: {one['reason']}")
