@@ -29,6 +29,7 @@ from executive.processes.workers import Limits
 from executive.sweeps import Row
 from executive.sweeps import run as sweep
 from planlang.diagnostics import BadInput
+from tests.benchmarks.faults.cameras import MADE, TOP
 from tests.benchmarks.faults.series import BURNT, MEASURED, PARTS, WHAT, cells_of, worlds_of
 from tests.benchmarks.faults.table import BEGIN, END, is_false, tables
 from tests.benchmarks.homes.progress import Progress
@@ -37,9 +38,7 @@ from tests.benchmarks.homes.table import documented
 
 JOB = "tests.benchmarks.faults.trial:job"
 LIMITS = Limits(seconds=300, memory=3_000_000_000, wall=1800.0)
-TOP = Path(__file__).resolve().parents[3]
 PAGE = TOP / "docs" / "reference" / "faults.md"
-MADE = TOP / ".venv" / "faults"
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -10,6 +10,7 @@ from typing import Any
 
 from planlang.faults.kinds import KINDS
 from planlang.faults.named import NamedFault
+from tests.benchmarks.faults.cameras import EXACT, NOISE
 from tests.benchmarks.faults.tasks import TASKS
 from tests.benchmarks.homes.series import PRODUCT
 
@@ -52,6 +53,7 @@ class Cell:
     rate: float = 0.0
     bare: bool = False
     """Without recoveries."""
+    camera: str = EXACT
     kind: str | None = None
     """The kind that is stated, if one is."""
 
@@ -59,7 +61,8 @@ class Cell:
     def name(self) -> str:
         """What it is called in a row, beside the seed."""
         how = self.kind or f"{self.task} {self.rate:g}{' bare' if self.bare else ''}"
-        return f"{self.part} {how} {self.robot}"
+        camera = "" if self.camera == EXACT else f" {self.camera}"
+        return f"{self.part} {how} {self.robot}{camera}"
 
     def world(self, seed: int) -> dict[str, Any]:
         """The world of a seed, for a sweep."""
@@ -70,6 +73,7 @@ class Cell:
             "seed": seed,
             "rate": self.rate,
             "bare": self.bare,
+            "camera": self.camera,
             "kind": self.kind,
         }
         world = {"world": f"{self.name} {seed}", **entries, "faults": self._stated(seed), "columns": entries}
@@ -92,6 +96,12 @@ def _bare(worlds: int, rates: Sequence[float]) -> Iterator[Cell]:
         yield Cell("amigo", "serve", worlds, "amigo", rate, bare=True)
 
 
+def _alike(worlds: int) -> Iterator[Cell]:
+    for task in ("cups", "marked"):
+        for camera in (EXACT, *NOISE):
+            yield Cell("alike", task, worlds, camera=camera)
+
+
 def _kinds(worlds: int) -> Iterator[Cell]:
     for one in KINDS:
         if one.recovers and one.part not in NO_TASK:
@@ -105,8 +115,7 @@ CELLS: Sequence[Cell] = (
     *_rates("tasks", "table", 60, (0.0, 0.1)),
     *_rates("tasks", "tidy", 60, (0.0, 0.1)),
     *_rates("tasks", "tray", 60, (0.0, 0.1)),
-    *_rates("alike", "cups", 60, (0.0,)),
-    *_rates("alike", "marked", 60, (0.0,)),
+    *_alike(60),
     *_kinds(50),
 )
 """The whole series. Cells of one task have the same worlds, and those of one rate the same faults."""

@@ -36,13 +36,13 @@ def tables(rows: Sequence[Row]) -> Iterator[str]:
 # Rates
 
 RATE_HEAD = (
-    "task", "robot", "rate", "recoveries", "worlds", "reached", "faults a run", "reached given a fault",
+    "task", "robot", "camera", "rate", "recoveries", "worlds", "reached", "faults a run", "reached given a fault",
     "false successes", "in vain held", "mute", "plan time [s]", "CPU [s]",
 )  # fmt: skip
 
 
 def _cell_of(row: Row) -> Hashable:
-    return row.get("task"), row.get("robot"), row.get("rate"), row.get("bare")
+    return tuple(row.get(key) for key in ("task", "robot", "camera", "rate", "bare"))
 
 
 def _rate(rows: Sequence[Row]) -> list[str]:
@@ -52,6 +52,7 @@ def _rate(rows: Sequence[Row]) -> list[str]:
     return [
         str(first["task"]),
         str(first["robot"]),
+        str(first["camera"]),
         f"{first['rate']:g}",
         "no" if first["bare"] else "yes",
         str(len(rows)),

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from executive.runs.options import RunOptions
+from tests.benchmarks.faults.cameras import TOP, robot_with
 
 HERE = Path(__file__).resolve().parent
 FOLDER = HERE / "files"
-TOP = HERE.parents[2]
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Task:
         """Options of its run in a world of the series."""
         given = {
             "recipe": str(self.recipe),
-            "robot": world["robot"],
+            "robot": robot_with(world["robot"], world["camera"]),
             "environment": None if self.environment is None else [str(self.environment)],
             "world": None if self.there is None else [str(self.there)],
             "set": dict(self.more) or None,

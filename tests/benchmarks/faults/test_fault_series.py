@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from executive.robots import bind_robot
 from executive.sweeps import run as sweep
 from executive.sweeps.files import read_sweep
 from planlang.faults.kinds import KINDS, kind_of
 from tests.benchmarks.faults.__main__ import main
+from tests.benchmarks.faults.cameras import robot_with
 from tests.benchmarks.faults.senses import Carried, carried_by, chain_of
 from tests.benchmarks.faults.series import BURNT, CELLS, WHAT, cells_of, worlds_of
 from tests.benchmarks.faults.table import tables
@@ -46,7 +49,7 @@ def test_a_share_of_a_series_has_worlds_of_all_rows():
         "amigo": 180,
         "pr2": 20,
         "tasks": 36,
-        "alike": 12,
+        "alike": 36,
         "kinds": 115,
     }
 
@@ -80,13 +83,22 @@ def test_the_chain_of_a_recorded_failure_has_the_classes_of_its_causes():
     assert list(chain_of(failure)) == ["ObjectUnfetchable", "GraspMissed"]
 
 
+def test_robots_whose_cameras_err_have_a_file_with_that_noise():
+    robot = bind_robot(robot_with("amigo", "10 mm"))
+    assert robot.camera is not None
+    noise = robot.camera.noise
+    assert (noise.position, round(math.degrees(noise.angle), 1), noise.misses) == (0.01, 2.0, 0.1)
+    assert robot_with("amigo", "exact") == "amigo"
+
+
 # Tables
 
 
 def row(number: int, **more: Any) -> dict[str, Any]:
     fault = {"kind": "door:stuck", "time": 1.0, "carried": 1.0, "noticed": 1.5, "failure": ["ContainerStuck"]}
     return {
-        "world": f"kinds door:stuck amigo {number}", "task": "fetch", "robot": "amigo", "rate": 0.0, "bare": False,
+        "world": f"kinds door:stuck amigo {number}", "task": "fetch", "robot": "amigo",
+        "camera": "exact", "rate": 0.0, "bare": False,
         "kind": "door:stuck", "outcome": "done", "claimed": True, "reached": True, "failure": [], "message": "done",
         "faults": [fault], "duration": 30.0, "cpu": 4.0, "repeat": "planlang run", **more,
     }  # fmt: skip
@@ -129,13 +141,13 @@ def test_false_successes_things_held_in_vain_and_mute_runs_are_listed_with_their
 
 def test_rates_are_rows_of_their_own_with_recoveries_and_without():
     rows = [row(number, kind=None, task="serve", rate=0.1, bare=bare) for number in (1, 2) for bare in (False, True)]
-    assert cells(rows, "| serve | amigo | 0.1 | yes")[4:8] == [
+    assert cells(rows, "| serve | amigo | exact | 0.1 | yes")[5:9] == [
         "2",
         "2 of 2 (34 to 100 %)",
         "1.00",
         "2 of 2 (34 to 100 %)",
     ]
-    assert cells(rows, "| serve | amigo | 0.1 | no")[4] == "2"
+    assert cells(rows, "| serve | amigo | exact | 0.1 | no")[5] == "2"
 
 
 # Runs
