@@ -37,8 +37,6 @@ AMONG: Mapping[str, int] = {
     "door:stops": 2,
 }
 """Kind -> opportunities for it that its task surely has, at which the worlds state it in turn; else the first."""
-NO_TASK = ("step",)
-"""Parts that no world has."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +102,7 @@ def _alike(worlds: int) -> Iterator[Cell]:
 
 def _kinds(worlds: int) -> Iterator[Cell]:
     for one in KINDS:
-        if one.recovers and one.part not in NO_TASK:
+        if one.recovers:
             yield Cell("kinds", OF_PART.get(one.part, "serve"), worlds, kind=str(one))
 
 

@@ -25,7 +25,7 @@ COMMIT = "0123456789abcdef0123456789abcdef01234567"
 
 def test_each_kind_that_a_robot_makes_good_has_a_task_in_which_it_is_stated():
     stated = {cell.kind for cell in CELLS if cell.kind}
-    assert stated == {str(kind) for kind in KINDS if kind.recovers and kind.part != "step"}
+    assert stated == {str(kind) for kind in KINDS if kind.recovers}
 
 
 def test_worlds_with_recoveries_and_without_have_the_same_seeds_and_rates():
