@@ -18,6 +18,7 @@ from typing import Any, TypeVar, cast
 from planlang.designators import Action, Condition, Object, a_location, action
 from planlang.failure_wording import NO_WAY
 from planlang.failures import (
+    AmbiguousPerception,
     AmountNotPoured,
     BehindClosedDoor,
     ContainerStuck,
@@ -202,7 +203,7 @@ def look_from_another_place(what: Object) -> Do:
             if any(isinstance(link, ObjectUnresolvable) for link in failure.chain()):
                 await _look_for(what)
             elif not await _sees(what):
-                with suppress(ObjectNotFound):
+                with suppress(ObjectNotFound, AmbiguousPerception):
                     await at_location(a_location(visible_from=what), partial(_look_for, what))
         except (ObjectUnreachable, ObjectUndeliverable) as nowhere:
             raise ObjectNowhereToBeFound(what=str(what)) from nowhere
@@ -215,6 +216,7 @@ def look_from_another_place(what: Object) -> Do:
 def look_by_moving_the_base(what: Object) -> Do:
     """Look for the object once more; if the neck does not move, from where the camera sees it as it is pointed now.
 
+    Likewise where its mark could not be read from here, by which it is told from others that look alike.
     Then the body runs again. The failure propagates if there is no such place, or if the object is not seen there.
     """
 
@@ -223,7 +225,7 @@ def look_by_moving_the_base(what: Object) -> Do:
     async def look(failure: PlanFailure) -> RecoveryResult:
         if await _sees(what):
             return RETRY
-        with suppress(ObjectUnreachable, ObjectUndeliverable, ObjectNotFound, LookingFailure):
+        with suppress(ObjectUnreachable, ObjectUndeliverable, ObjectNotFound, AmbiguousPerception, LookingFailure):
             await at_location(a_location(visible_from=what), partial(_look_for, what))
             return RETRY
         return PROPAGATE
@@ -476,7 +478,7 @@ async def ignore(failure: PlanFailure) -> RecoveryResult:
 
 
 async def _sees(what: Object) -> bool:
-    with suppress(ObjectNotFound, LookingFailure):
+    with suppress(ObjectNotFound, AmbiguousPerception, LookingFailure):
         await _look_for(what)
         return True
     return False

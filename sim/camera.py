@@ -22,6 +22,8 @@ from sim.scene import BodyShape, CameraModel
 
 LEAST_PIXELS = 4
 """Smallest number of pixels with which an object is recognised."""
+READABLE = 0.5
+"""Visible share from which on a mark is read."""
 
 _CLIP = 0.02
 """Distance below which bodies, such as the camera's own housing, are not seen [m]."""
@@ -57,7 +59,8 @@ class Camera:
             if not model.near <= place.distance(pose) <= model.far:
                 continue
             share = min(1.0, count / max(self._silhouette(name, model, pose), 1.0))
-            label, face = (None, body.mark) if body.shape is BodyShape.PERSON else (body.mark, None)
+            mark = body.mark if share >= READABLE else None
+            label, face = (None, mark) if body.shape is BodyShape.PERSON else (mark, None)
             found[name] = Detection(
                 body.type, place, round(share, 3), body.size, colour=body.colour, label=label, face_of=face
             )

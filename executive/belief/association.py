@@ -25,6 +25,7 @@ from planlang.geometry import Array, Pose
 from planlang.protocols import Detection
 from planlang.records import dataclass
 from planlang.state import WorldState
+from sim.camera import READABLE
 from sim.joints import Articulation
 from sim.movers import Mover
 from sim.scene import Body, BodyShape, CameraNoise
@@ -42,8 +43,6 @@ ANYWHERE = 100.0
 """Distance that counts for a thing whose place is unknown [m]: one at a known place is preferred."""
 UNLIKE = 10.0
 """Distance that counts for each metre by which extents differ, where no place tells things apart."""
-READABLE = 0.5
-"""Visible share from which on a mark is read."""
 UNKNOWN, FORBIDDEN = 1e3, 1e6
 """Distances that count for a detection of nothing known, and of a thing that it cannot show [m]."""
 
@@ -138,11 +137,35 @@ class Associator:
         kinds = {kind for name in self._leaf_of if name in self._features for kind in self._features[name].types}
         return any(self._is_kind(detection.type, kind) or self._is_kind(kind, detection.type) for kind in kinds)
 
-    def _fits(self, detection: Detection, name: str, one: Features) -> bool:
+    def is_of_kind(self, detection: Detection, name: str) -> bool:
+        """Check whether a detection may show a thing by its class and its size."""
+        one = self.features(name)
         types = (*one.types, *self._belief.state.matter.types.get(name, ()))
         if not any(self._may_be_told(kind, detection.type) for kind in types):
             return False
-        if any(abs(read - known) > SIZE_SHARE * known + SIZE_ERROR for read, known in _extents(detection, one)):
+        return all(abs(read - known) <= SIZE_SHARE * known + SIZE_ERROR for read, known in _extents(detection, one))
+
+    def may_be_at(self, name: str, pose: Pose, slack: float = 0.0) -> bool:
+        """Check whether a thing may be at a pose, as far as is known of its place: whether that is within its gate.
+
+        ``slack`` is by how much farther the pose may be [m].
+        """
+        believed = self._belief.state.poses.get(name)
+        if believed is None or self._is_anywhere(name):
+            return True
+        return self._away(name, believed, pose) <= self._gate(name) + slack
+
+    def is_in_gate(self, detection: Detection, name: str) -> bool:
+        """Check whether a detection is within the gate of a thing."""
+        slack = Estimate.of(detection).slack(self._belief.memory.estimates.get(name))
+        return self.may_be_at(name, detection.pose, slack)
+
+    def moves_on_a_way(self, name: str) -> bool:
+        """Check whether a thing is a door, drawer or knob, or a part of one: it is told by the way that it moves on."""
+        return name in self._leaf_of
+
+    def _fits(self, detection: Detection, name: str, one: Features) -> bool:
+        if not self.is_of_kind(detection, name):
             return False
         marks = ((one.mark, detection.label or detection.face_of), (one.colour, detection.colour))
         return all(

@@ -10,6 +10,7 @@ from typing import Any
 
 from executive.belief.estimates import Estimate, leaf_value
 from executive.belief.known_things import KnownThings, ignore
+from executive.belief.lookalikes import look_alikes
 from executive.belief.memory import MOST_FAILURES, VISION, BasePose, Recognition, Source
 from executive.belief.obstacles import NAMES
 from executive.belief.snapshots import dump_belief, load_belief
@@ -89,10 +90,18 @@ class Belief(KnownThings):
                 found[shown] = detection
         order = {name: number for number, name in enumerate(self.memory.first)}
         found = {name: found[name] for name in sorted(found, key=lambda name: order[name])}
+        self._tell_alike(found, should_show)
         for name, detection in found.items():
             self._sees(name, detection, at_rest)
         self._recognise_noticed(found, at_rest)
         return found
+
+    def _tell_alike(self, found: Mapping[str, Detection], should_show: ShouldShow) -> None:
+        """Tell by what the things that plans mean were taken, if the picture shows others that look alike."""
+        self._alike = look_alikes(found, self._associator, self.state, self.memory, should_show)
+        for name, one in self._alike.items():
+            if not all(self.seen(other) for other in (name, *one.others) if other in found):
+                self.tell("belief", {"revision": self.revision, **one.as_change()})
 
     def _sees(self, name: str, detection: Detection, at_rest: AtRest) -> None:
         if name in self.memory.unknown:
@@ -229,16 +238,13 @@ class Belief(KnownThings):
             self.doubted(self._moving[name])
         self._put(name, pose, "felt")
 
-    def obstacle(self, pose: Pose, called: str | None = None) -> None:
-        """Record that the robot touched something unknown; failures name it ``called``, if that is given.
-
-        Once all obstacles of the pool are used, the oldest one is moved.
-        """
+    def obstacle(self, pose: Pose) -> None:
+        """Record that the robot touched something unknown; once all of the pool are used, the oldest one is moved."""
         pool = [name for name in self._poses if name in NAMES]
         if not pool:
             return
         name = next((name for name in pool if name in self.state.away), pool[0])
-        self.memory = replace(self.memory, met=called or name)
+        self.memory = replace(self.memory, met=name)
         poses = {**without(self._poses, name), name: pose}  # at the end: the oldest obstacle comes first
         self._become(poses=poses, away=self.state.away - {name})
         self._changed("felt", name=name, pose=pose)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from executive.belief.association import Associator, Features
+from executive.belief.lookalikes import Alike
 from executive.belief.meanings import Choice
 from executive.belief.memory import VISION, BasePose, Knowledge, Memory, Recognition, Source
 from executive.belief.obstacles import NAMES
@@ -23,6 +24,7 @@ from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.geometry import Pose
 from planlang.language.performances import Performance, performance_of
 from planlang.ontology import expand, shorten
+from planlang.protocols import Detection
 from planlang.state import Grip
 from sim import PlanningWorld
 from sim.joints import Articulation
@@ -80,6 +82,8 @@ class KnownThings:
         """What is believed to be where; the robot as it was last observed."""
         self.devices = frozenset(control.device for control in world.scene.controls)
         """Devices with a button or a knob."""
+        self._alike: Mapping[str, Alike] = {}
+        """Things that plans mean -> the others that they could be as well, in the last picture."""
         self._moving = {name: leaf for leaf, joint in self.joints.items() for name in joint.bodies}
         self.camera_noise = world.camera_noise
         """How the camera errs, as it states of itself."""
@@ -198,8 +202,9 @@ class KnownThings:
 
         A designator stays bound to an object as long as that exists; one by class within the performance of a step, see
         :mod:`executive.belief.meanings`. Without a match it resolves to the nearest object that contains a substance of
-        the class, which is not bound. Raises ObjectUnresolvable, with a list of the known objects, and
-        AmbiguousPerception if two objects seen from here are equally near.
+        the class, which is not bound. Of things that nothing distinguishes one is as good as the other. Raises
+        ObjectUnresolvable, with a list of the known objects, and AmbiguousPerception if two objects that differ, and
+        are seen from here, are equally near.
         """
         performance = performance_of(what)
         if performance is None:
@@ -289,7 +294,8 @@ class KnownThings:
             distances = {name: distances[name] for name in choice.among(there, self.held)}
         nearest = min(distances, key=lambda name: distances[name])
         equal = tuple(n for n in distances if distances[n] - distances[nearest] < ALIKE and self.seen_from_here(n))
-        if len(equal) > 1 and nearest in equal and (choice is None or choice.last is None):
+        is_open = len(equal) > 1 and nearest in equal and (choice is None or choice.last is None)
+        if is_open and not all(self.is_like(nearest, other) for other in equal):
             raise AmbiguousPerception(what=str(what), candidates=equal)
         return nearest
 
@@ -335,6 +341,33 @@ class KnownThings:
     def features(self, name: str) -> Features:
         """Look up what a camera may tell a thing by."""
         return self._associator.features(name)
+
+    def alike(self, name: str) -> Alike | None:
+        """Look up which others a thing that a plan means could be as well, in the last picture; None without any."""
+        return self._alike.get(name)
+
+    def lost_of(self, what: Object) -> str | None:
+        """Find the thing at no known place that a designator names; None without one."""
+        named = (thing.name for thing in self.map.objects if what.iri is not None and thing.iri == what.iri)
+        return next((name for name in named if name in self.memory.unknown), None)
+
+    def without_mark(self, name: str) -> tuple[str, ...]:
+        """List what no map has, and is of the class and size of a thing, but does not show the mark of that."""
+        one = self.features(name)
+        if one.mark is None and one.colour is None:
+            return ()
+        made = (thing.name for thing in self.memory.made.values() if "#" in thing.name and thing.name in self._poses)
+        return tuple(other for other in made if self._is_of_kind(other, name))
+
+    def is_like(self, one: str, other: str) -> bool:
+        """Check whether nothing that a camera reads distinguishes two things."""
+        its, others = self.features(one), self.features(other)
+        return self._is_of_kind(one, other) and (its.mark, its.colour) == (others.mark, others.colour)
+
+    def _is_of_kind(self, one: str, other: str) -> bool:
+        """Check whether two things are of one class and size, as far as a camera tells."""
+        known = self.features(one)
+        return self._associator.is_of_kind(Detection(known.types[0], self._poses[one], 1.0, known.size), other)
 
     def recognises(self, name: str) -> bool:
         """Check whether an object would be recognised in an image.

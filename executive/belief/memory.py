@@ -183,6 +183,10 @@ class Memory:
         rest, known, estimates = self.uncertain - {name}, without(self.known, name), without(self.estimates, name)
         return replace(self, known=known, bound=bound, meanings=others, uncertain=rest, estimates=estimates)
 
+    def meant(self) -> frozenset[str]:
+        """Collect the things that designators mean or have meant."""
+        return frozenset((*self.bound.values(), *(one.name for had in self.meanings.values() for one in had)))
+
     def meant_in(self, what: Object, occasion: str, step: str) -> Meaning | None:
         """Look up what a designator by class means in a performance; None if no attempt at it has needed it yet."""
         had = self.meanings.get(what, ())

@@ -250,6 +250,8 @@ _CHANGES = {
     "noticed": "noticed, which is not in the map",
 }
 """Words for changes of the belief, if they differ from those in the trace."""
+_NUMBERS = {1: "two", 2: "three", 3: "four"}
+"""How many things there are if there are so many others."""
 
 
 class Changes:
@@ -265,6 +267,9 @@ class Changes:
         match details:
             case {"change": "released", "to": str(person)}:
                 return f"{name} handed to {person}"
+            case {"change": "alike", "others": [*others], "by": by}:
+                which = "and its mark cannot be read from here" if by is None else f"taken by {by}"
+                return f"{name} is one of {_NUMBERS.get(len(others), len(others) + 1)} alike, {which}"
             case {"change": "switched", "state": str(state)}:
                 return f"{name} {state_word(state)}"
             case {"change": "led" | "moved", "value": int() | float() as value}:

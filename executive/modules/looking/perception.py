@@ -12,6 +12,7 @@ from executive.maps.recognition_models import missing_model, needs_model
 from executive.modules.platform import PlatformModule
 from planlang.designators import Action, Object
 from planlang.failures import (
+    AmbiguousPerception,
     DesignatorFailure,
     LookingFailure,
     LookingGoalUnreachable,
@@ -69,6 +70,7 @@ class Perception(PlatformModule):
     async def execute(self, action: Action) -> Pose:
         """Look for ``object_acted_on`` and return its pose in the map. Raises ObjectNotFound if it is not seen.
 
+        Raises AmbiguousPerception if others look like it and its mark, which the map states, cannot be read from here.
         An object seen from elsewhere but hidden from here keeps its pose. An object at an unknown place is searched
         for at all likely places within ``location_searched``; raises ObjectNowhereToBeFound if it is at none of them.
         """
@@ -89,13 +91,31 @@ class Perception(PlatformModule):
         try:
             gazes = islice(self._gazes(name), MOST_GAZES)
             if await platform.sensing.shows(gazes, name, lambda recognised: name in recognised):
+                self._check_mark(name)
                 return platform.belief.pose(name)
         except LookingGoalUnreachable as failure:
             unreachable = failure
         if platform.sensing.is_out_of_sight(name):
             return platform.belief.pose(name)
         platform.sensing.not_seen(name)
-        raise ObjectNotFound(what=name) from unreachable
+        raise ObjectNotFound(what=name) from unreachable or self._unmarked(name)
+
+    def _check_mark(self, name: str) -> None:
+        """Raise AmbiguousPerception if a mark has to be read by which the object is told from others seen with it."""
+        belief = self.platform.belief
+        alike = belief.alike(name)
+        if alike is not None and alike.by is None:
+            belief.not_seen(name, self.platform.base())
+            raise AmbiguousPerception(what=name, candidates=(name, *alike.others))
+
+    def _unmarked(self, name: str) -> AmbiguousPerception | None:
+        """Make the failure that names things without the mark of an object; None unless several could be it."""
+        belief = self.platform.belief
+        others = belief.without_mark(name)
+        if len(others) < 2:
+            return None
+        mark = belief.features(name).mark or belief.features(name).colour
+        return AmbiguousPerception(f"none of {', '.join(others)} shows {mark!r}", what=name, candidates=others)
 
     def _check_model(self, what: Object, name: str | None) -> None:
         """Raise RecognitionModelMissing if the camera could not recognise the object anywhere."""
@@ -118,11 +138,17 @@ class Perception(PlatformModule):
             seen_from_here,
         )
 
+        lost = self.platform.belief.lost_of(what)
         if self._searches_places(action):
-            return await found_in_places(self.platform, action, what)
+            try:
+                return await found_in_places(self.platform, action, what)
+            except ObjectNowhereToBeFound as failure:
+                if lost is not None and failure.__cause__ is None:
+                    failure.__cause__ = self._unmarked(lost)
+                raise
         name = await seen_from_here(self.platform, what)
         if name is None:
-            raise ObjectNotFound(what=str(what))
+            raise ObjectNotFound(what=str(what)) from None if lost is None else self._unmarked(lost)
         return name
 
     def _gazes(self, name: str) -> Iterator[Array]:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -156,11 +157,28 @@ def test_what_is_not_there_cannot_be_bound(belief: Belief) -> None:
         belief.bind(an_object("Bed-PieceOfFurniture"), HERE)
 
 
-def test_two_equally_near_things_that_are_seen_are_ambiguous(belief: Belief) -> None:
-    poses = {"bottle1": Pose((2.0, 0.3, 0.8)), "bottle2": Pose((2.0, -0.3, 0.8))}
-    belief.see([detected(belief, name, pose) for name, pose in poses.items()])
-    with pytest.raises(AmbiguousPerception) as problem:
-        belief.bind(an_object("DrinkingBottle"), HERE)
+EQUALLY_FAR = {"bottle1": Pose((2.0, 0.3, 0.8)), "bottle2": Pose((2.0, -0.3, 0.8))}
+
+
+def test_of_two_equally_near_things_that_nothing_distinguishes_one_is_as_good_as_the_other(belief: Belief) -> None:
+    belief.see([detected(belief, name, pose) for name, pose in EQUALLY_FAR.items()])
+    assert belief.bind(an_object("DrinkingBottle"), HERE) == "bottle1"
+
+
+@pytest.mark.parametrize("fact", ['colourOfObject "red"', 'markOfObject "water"'])
+def test_two_equally_near_things_that_are_seen_are_ambiguous_if_they_differ(
+    fact: str, map_of: Callable[..., SemanticMap], thing: Callable[..., str], seen: Callable[..., str], robot: Robot
+) -> None:
+    things = [
+        thing(name, "DrinkingBottle", (0.06, 0.06, 0.2), *more)
+        for name, more in (("bottle1", ()), ("bottle2", (fact,)))
+    ]
+    there = map_of(*things, *(seen(name, pose.position) for name, pose in EQUALLY_FAR.items()))
+    with closing(PlanningWorld(scene_of(there), robot.body())) as world:
+        belief = Belief(there, world)
+        belief.see([detected(belief, name, pose) for name, pose in EQUALLY_FAR.items()])
+        with pytest.raises(AmbiguousPerception) as problem:
+            belief.bind(an_object("DrinkingBottle"), HERE)
     assert problem.value.candidates == ("bottle1", "bottle2")
 
 
@@ -345,14 +363,14 @@ def test_obstacles_that_were_felt_are_things_without_a_name_in_the_map(semantic_
     mirror.at(belief.state)
     assert not set(world.names()) & set(NAMES)
     for number in range(MOST + 1):
-        belief.obstacle(Pose((2.0, 0.1 * number, 0.5)), "a fence")
+        belief.obstacle(Pose((2.0, 0.1 * number, 0.5)))
     mirror.at(belief.state)
     felt = [name for name in world.names() if name in NAMES]
     assert len(felt) == MOST, "the oldest one is forgotten for the last"
     assert min(world.pose(name).position[1] for name in felt) == pytest.approx(0.1)
     other = Belief(semantic_map, world)
     other.restore(json.loads(json.dumps(belief.snapshot())))
-    assert (other.names(), other.memory.met) == (belief.names(), "a fence")
+    assert (other.names(), other.memory.met) == (belief.names(), NAMES[0])
     belief.forget(felt)
     assert belief.memory.met is None
     mirror.at(belief.state)

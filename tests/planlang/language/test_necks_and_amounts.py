@@ -1,4 +1,4 @@
-"""Strategies for necks that stop, and for amounts that were not poured."""
+"""Strategies for necks that stop, for things that look alike, and for amounts that were not poured."""
 
 from __future__ import annotations
 
@@ -8,8 +8,14 @@ from typing import Any
 import pytest
 from virtual_time import go
 
-from planlang import PlanFailure, Recovery, look_by_moving_the_base, pour_the_rest, with_failure_handling
-from planlang.failures import AmountNotPoured, LookingFailure
+from planlang import (
+    PlanFailure,
+    Recovery,
+    look_by_moving_the_base,
+    pour_the_rest,
+    with_failure_handling,
+)
+from planlang.failures import AmbiguousPerception, AmountNotPoured, LookingFailure
 from tests.support.looking import BOTTLE, eyes
 
 
@@ -24,16 +30,17 @@ class Once:
             raise self.failures.pop()
 
 
+@pytest.mark.parametrize("failure", [LookingFailure, AmbiguousPerception])
 @pytest.mark.parametrize(
     ("seen_from", "log"),
     [((0.0,), ["looks at 0"]), ((1.0,), ["looks at 0", "at 1", "looks at 1"])],
 )
-def test_where_the_neck_stops_the_base_moves_unless_the_thing_is_seen_by_now(
-    executive: Any, module: Any, seen_from: tuple[float, ...], log: list[str]
+def test_where_the_neck_stops_or_a_mark_is_hidden_the_base_moves_unless_the_thing_is_seen_by_now(
+    executive: Any, module: Any, seen_from: tuple[float, ...], log: list[str], failure: type[PlanFailure]
 ) -> None:
     eyes(executive, module, *seen_from)
-    recovery = Recovery(LookingFailure, look_by_moving_the_base(BOTTLE))
-    go(partial(with_failure_handling, Once(LookingFailure()), recovery), executive)
+    recovery = Recovery(failure, look_by_moving_the_base(BOTTLE))
+    go(partial(with_failure_handling, Once(failure()), recovery), executive)
     assert executive.log == log
 
 

@@ -223,7 +223,7 @@ def test_every_recovery_is_complete_and_of_declared_strategies_and_failures(voca
     assert [shorten(name) for name in recoveries] == [
         "lookElsewhere",
         "lookByMoving",
-        "lookFromFartherBack",
+        "lookAtTheirMarks",
         "putDownFirst",
         "openFirst",
         "openFirstToPut",

@@ -75,6 +75,14 @@ def test_a_node_is_within_those_around_it() -> None:
         ({"change": "released", "name": "cup1", "to": "patient1"}, "cup1 handed to patient1"),
         ({"change": "leads", "name": "door1"}, "door1 held by its handle"),
         ({"change": "seen", "name": "cup1"}, "cup1 seen"),
+        (
+            {"change": "alike", "name": "cup1", "others": ["cup2"], "by": "its mark"},
+            "cup1 is one of two alike, taken by its mark",
+        ),
+        (
+            {"change": "alike", "name": "cup1", "others": ["cup2", "cup3", "cup#4", "cup#5"], "by": None},
+            "cup1 is one of 5 alike, and its mark cannot be read from here",
+        ),
         ({}, "something changed"),
     ],
 )

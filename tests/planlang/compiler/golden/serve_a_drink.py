@@ -1,7 +1,7 @@
 """Serve a drink.
 
 Compiled by planlang 0.1.0 from serve_a_drink.omn (sha256 7b3a485023f303a1), task ServeADrink.
-What follows has sha256 14cc402ff5b62e0d3492a1826d7e8f4732592ca4bd348030d7ddda67df5a6d25 unless it was edited.
+What follows has sha256 f909253e44a6e2e3a5732b6e102e089ccdfab6c7f7a3faea8131b1467fd195c4 unless it was edited.
 """
 
 from functools import partial
@@ -102,8 +102,7 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
         at_grasping_place,
         Recovery(ObjectUnreachable, open_what_is_in_the_way(bottle), retries=2),
         Recovery(ObjectNotFound, look_from_another_place(bottle), retries=3),
-        Recovery(LookingFailure, look_by_moving_the_base(bottle), retries=2),
-        Recovery(AmbiguousPerception, step_back_and_repeat(bottle), retries=1),
+        Recovery((LookingFailure, AmbiguousPerception), look_by_moving_the_base(bottle), retries=2),
         Recovery(ObjectLost, fetch_again(bottle), retries=2),
         Recovery(ObjectUndeliverable, put_down_and_regrasp(bottle), retries=1),
         reaching=(approach_pose, grasp_pose),
@@ -137,8 +136,7 @@ async def serve_a_drink(*, bottle: Object = BOTTLE, patient: Person = PATIENT) -
             Recovery(ObjectUndeliverable, open_what_is_in_the_way(patient), retries=2),
             Recovery(HandoverNotTaken, step_back_and_repeat(patient), retries=1),
             Recovery(ObjectNotFound, look_from_another_place(patient), retries=3),
-            Recovery(LookingFailure, look_by_moving_the_base(patient), retries=2),
-            Recovery(AmbiguousPerception, step_back_and_repeat(patient), retries=1),
+            Recovery((LookingFailure, AmbiguousPerception), look_by_moving_the_base(patient), retries=2),
             Recovery(ObjectLost, fetch_again(bottle, fetch_bottle), retries=2),
             reaching=(handover_pose,),
             by=action_class(RECIPE + "MoveBaseToHandoverPose", below="Translation-LocationChange"),
