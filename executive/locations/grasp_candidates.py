@@ -144,7 +144,7 @@ class GraspCandidates(Columns):
             return [self]
         tight = openings.fingers[int(openings.around(self.spans, TIGHT, is_round=self.step > 0).max())]
         narrow = [] if tight == self.fingers else [replace(self, fingers=tight, weights=TIGHTER * self.weights)]
-        return [variant for one in (self, *narrow) for variant in (one, *one._turned(), *one._elsewhere())]
+        return [variant for one in (self, *narrow) for variant in (one, *one._turned(), *one.elsewhere())]
 
     def _turned(self) -> list[GraspCandidates]:
         """List variants with headings in between, for what can be gripped from any."""
@@ -155,13 +155,13 @@ class GraspCandidates(Columns):
             variants.append(replace(self, rotations=turned[0], offsets=turned[1], headings=turned[2]))
         return variants
 
-    def _elsewhere(self) -> list[GraspCandidates]:
+    def elsewhere(self) -> list[GraspCandidates]:
         """List variants with the grip nearer to the fingertips, and higher or lower; not from above."""
         back, side = self.offsets[:, 0] - self.offsets[:, self.key], CLASSES.index(GraspClass.SIDE)
         moves = [np.outer(self.grasps == side, UP) * height for height in self.heights]
         if moves:
             moves.insert(0, back * (FARTHER_BACK / APPROACH))
-        return [replace(self, points=self.points + move, weights=AWRY * self.weights) for move in moves]
+        return [replace(self, points=self.points + move, weights=AWRY * self.weights, heights=()) for move in moves]
 
     def by_opening(self, openings: Openings) -> list[GraspCandidates]:
         """Split by the finger opening that the thing requires, the best candidate's first."""

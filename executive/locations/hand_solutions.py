@@ -190,14 +190,14 @@ class HandSolution:
     plan: HandPoses
     joints: Array
 
-    def among(self, candidates: GraspCandidates) -> NDArray[np.bool_]:
-        """Check which candidates (n,) have its poses, themselves or in a variant for tight places."""
-        equal = np.zeros(len(candidates), bool)
+    def among(self, candidates: GraspCandidates) -> Iterator[GraspCandidates]:
+        """Yield those of candidates that have its poses, themselves or in a variant for tight places."""
         for variant in candidates.variants(self.arm.openings):
             poses = variant.poses(np.arange(len(variant)))
             if poses.shape[1:] == self.plan.poses.shape:
-                equal |= np.abs(poses - self.plan.poses).max(axis=(1, 2, 3)) < 1e-6
-        return equal
+                equal = np.abs(poses - self.plan.poses).max(axis=(1, 2, 3)) < 1e-6
+                if equal.any():
+                    yield variant.chosen(equal)
 
 
 def with_torso_still(solution: HandSolution, now: Array, base: BasePose) -> HandSolution | None:

@@ -7,6 +7,7 @@ reachability map covers the height, and the hand itself is collision-free.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -55,12 +56,23 @@ class LaterUses:
         self._spots: Kept[dict[tuple[Reach, str], tuple[Spots, ...]]] = Kept()
 
     def candidates(self, reach: Reach, arm: ArmModel, log: Rejections, stage: Stage) -> list[GraspCandidates]:
-        """Generate the candidates of a reach; of a grasp only those that suit all later uses."""
+        """Generate the candidates of a reach; of a grasp only those that suit all later uses.
+
+        If none does, those that grip the thing higher or lower: on a board, or below one, a few centimetres matter.
+        """
         tables = candidates_of(reach, arm, self._scene, log, stage)
         if not reach.then:
             return tables
-        kept = [table.chosen(self.serving(table, reach, arm, stage)) for table in tables]
-        log.add(UNSERVED, sum(map(len, tables)) - sum(map(len, kept)))
+        kept = self._serving(tables, reach, arm, stage)
+        if not kept and stage > Stage.NATURAL:
+            kept = self._serving([one for table in tables for one in table.elsewhere()], reach, arm, stage)
+        log.add(UNSERVED, max(sum(map(len, tables)) - sum(map(len, kept)), 0))
+        return kept
+
+    def _serving(
+        self, tables: Iterable[GraspCandidates], reach: Reach, arm: ArmModel, stage: Stage
+    ) -> list[GraspCandidates]:
+        kept = (table.chosen(self.serving(table, reach, arm, stage)) for table in tables)
         return [table for table in kept if len(table)]
 
     def serving(
@@ -103,15 +115,16 @@ class LaterUses:
         table = table.chosen(np.array([reached[level] for level in levels], bool))
         if not len(table):
             return math.inf
-        # a door that is closed now will have been opened
-        door = self._scene.bodies.door_of(use.body) if use.inside else None
+        # doors that are closed now will have been opened
+        shut = self._scene.bodies.shut_doors(use.body) if use.inside else ()
+        opened = {None, *(name for leaf in shut for name in self._scene.belief.joints[leaf].bodies)}
         collisions = self._scene.collisions
         check = collisions.arm_check(arm, held.name, (), collisions.near(arm, table.points))
         first = math.inf
         for part in blocks(len(table), AT_ONCE):  # one free hand is enough
             tips = table.poses(np.arange(part.start, part.stop))[:, : table.key + 1]
             hits = check.hand_hit(tips.reshape(-1, 4, 4))
-            free = np.array([hit in (None, door) for hit in hits], bool).reshape(tips.shape[:2])
+            free = np.array([hit in opened for hit in hits], bool).reshape(tips.shape[:2])
             if free.all(axis=1).any():
                 return Stage.NATURAL
             if free[:, table.key].any():

@@ -322,7 +322,7 @@ class BaseValidator:
     def still_reaches(self, known: HandSolution, reach: Reach, base: BasePose) -> bool:
         """Check exactly whether a solution is still valid for a reach from a base pose."""
         tables = candidates_of(reach, known.arm, self.scene, Rejections(), Stage.CLOSEST)
-        same = (table.chosen(known.among(table)) for table in tables)
+        same = (one for table in tables for one in known.among(table))
         is_usable = any(self._uses.serving(table, reach, known.arm).any() for table in same)
         return is_usable and Trial(known, base, self.scene).stopped() is None
 

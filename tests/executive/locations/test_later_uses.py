@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 
@@ -21,6 +22,7 @@ from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, rigid
 from sim import Body, BodyShape
 from tests.executive.conftest import MakeStage, Stage
+from tests.support.leaves import room, thing
 
 TABLE = Body("table", Pose((1.2, 0.0, 0.37)), (0.8, 1.4, 0.74), type="KitchenTable")
 CUP = Body(
@@ -77,6 +79,44 @@ def test_a_low_cup_is_gripped_from_the_side_if_it_goes_between_two_shelves(make_
     cup, shelf = known(stage, "cup"), known(stage, "shelf")
     put = action("TransportingAnObject", object_acted_on=cup, to_location=shelf)
     assert grips(stage, cup, put) == {"side"}
+
+
+def test_a_thing_is_gripped_low_if_it_goes_as_high_as_a_hand_only_just_reaches(make_stage: MakeStage) -> None:
+    high = replace(SHELF, name="high", pose=Pose((-1.8, 0.0, 1.36)))
+    tall = replace(CUP, pose=Pose((1.0, 0.1, 0.89)), size=(0.07, 0.07, 0.3))
+    stage, heights = make_stage(TABLE, tall, high), list[float]()
+    cup, onto = known(stage, "cup"), known(stage, "high")
+
+    async def search() -> None:
+        base = next(stage.resolver.bases(a_location(in_reach_of=cup))).base
+        for reached in stage.resolver.reached_from(base).values():
+            heights.extend(float(one.plan.poses[1, 2, 3]) for one in reached.values())
+
+    stage.run(partial(perform, action("TransportingAnObject", object_acted_on=cup, to_location=onto), otherwise=search))
+    assert max(heights) < tall.pose.position[2] - 0.05
+
+
+def test_doors_that_are_still_shut_rule_out_no_grip_of_what_goes_behind_them(stack: ExitStack) -> None:
+    leaves = [
+        part
+        for name, y in (("left", 0.15), ("right", -0.15))
+        for part in (
+            thing(name, "Door", Pose((-1.59, y, 0.95)), (0.02, 0.3, 0.2), f"grip_{name}"),
+            thing(f"grip_{name}", "Handle", Pose((-1.55, 0.3 * y, 0.95)), (0.012, 0.012, 0.15)),
+        )
+    ]
+    case = thing("case", "Cupboard", Pose((-1.8, 0.0, 0.95)), (0.4, 0.62, 0.22), "left", "right")
+    table = thing("table", "KitchenTable", Pose((1.2, 0.0, 0.37)), (0.8, 1.4, 0.74))
+    stage = room(stack, (case, *leaves, table, thing("cup", "Cup", Pose((1.0, 0.1, 0.79)), (0.07, 0.07, 0.1))))
+    cup, into = stage.designator("cup"), a_location(in_=stage.designator("case"))
+    found = list[str]()
+
+    async def search() -> None:
+        solutions = stage.platform.resolver.bases(a_location(in_reach_of=cup))
+        found.extend(next(solutions).detail["reaches"][0] for _ in range(3))
+
+    stage.run(partial(perform, action("TransportingAnObject", object_acted_on=cup, to_location=into), otherwise=search))
+    assert {label.split(", ")[1] for label in found} == {"side"}
 
 
 def test_places_for_what_follows_are_looked_for_once_for_all_grips(
