@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
+from copy import copy
 from dataclasses import replace
+from typing import Self
 
 import numpy as np
 
@@ -48,6 +50,12 @@ class ArmPaths:
 
     def __init__(self, control: Control, rng: np.random.Generator) -> None:
         self._control, self._rng = control, rng
+
+    def supposing(self, control: Control) -> Self:
+        """Make the same arms of a robot that is supposed; what is planned for it changes no later path of this one."""
+        other = copy(self)
+        other._control, other._rng = control, np.random.default_rng(0)
+        return other
 
     def path(
         self,

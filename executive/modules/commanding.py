@@ -37,7 +37,7 @@ from planlang.geometry.areas import Block
 from planlang.geometry.matrices import rotated, upright
 from planlang.kernel import Fluent, checkpoint, wait_for
 from planlang.language.resources import using
-from planlang.protocols import Group, GroupKind, Motion, MotionState, RobotInterface, Touch, Trajectory
+from planlang.protocols import Configuration, Group, GroupKind, Motion, MotionState, RobotInterface, Touch, Trajectory
 from planlang.records import dataclass
 
 T = TypeVar("T")
@@ -61,6 +61,8 @@ class Control:
     scene: PlanningScene
     flowing: Flowing = field(init=False)
     """What flows out of vessels in the hands meanwhile."""
+    is_supposed: bool = field(default=False, init=False)
+    """Whether the robot is where its scene has it, and not where its sensors say."""
 
     @property
     def world(self) -> RobotInterface:
@@ -76,13 +78,17 @@ class Control:
         """The bound robot."""
         return self.handle.model.robot
 
+    def configuration(self) -> Configuration:
+        """Read odometry and encoders."""
+        return (self.scene.world if self.is_supposed else self.world).configuration()
+
     def base(self) -> BasePose:
         """Read the pose of the base from odometry."""
-        return self.world.configuration().base
+        return self.configuration().base
 
     def joints(self, names: Sequence[str]) -> Array:
         """Read the positions (d,) of joints from the encoders [rad, m]."""
-        positions = self.world.configuration().joints
+        positions = self.configuration().joints
         return np.array([positions[name] for name in names])
 
     def arm_joints(self, arm: ArmModel) -> Array:
@@ -100,9 +106,9 @@ class Control:
         self.belief.observed(self.world.configuration(), self.scene.mirror)
 
     def supposing(self, scene: PlanningScene) -> Self:
-        """Make the same robot in a scene that is supposed, to plan there."""
+        """Make the same robot in a scene that is supposed, and where that has it, to plan there."""
         other = copy(self)
-        other.scene, other.belief = scene, scene.belief
+        other.scene, other.belief, other.is_supposed = scene, scene.belief, True
         return other
 
     async def follow(

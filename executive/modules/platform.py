@@ -270,6 +270,12 @@ class Platform(Control):
             self._searches = Searches(self.scene, self.drive.seconds)
         return self._searches
 
+    def supposing(self, scene: PlanningScene) -> Self:
+        """Make the same robot in a scene that is supposed, and where that has it: its base and arms plan there."""
+        other = super().supposing(scene)
+        other.drive, other.arms = Drive(other), self.arms.supposing(other)
+        return other
+
     def standing(self) -> Standing:
         """Build the sources of base poses in the current planning scene."""
         return Standing(self.scene)
