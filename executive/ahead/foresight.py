@@ -62,13 +62,24 @@ class Foresight:
                 yield put_off.pop(0)
 
         for candidate in ordered():
-            spent = {name: getattr(self._spent, name) - getattr(before, name) for name in Spent.__slots__}
+            spent = self._spent_since(before)
             if candidate is not None and spent["questions"] > asked:  # None only gives other tasks a turn
                 asked = spent["questions"]
                 self._scene.belief.tell("looked ahead", {"decision": decision, **spent, "put_off": len(put_off)})
             yield candidate
         if ended:
             raise ended[0]
+
+    def decided(self, decision: str, decide: Callable[[], T]) -> T:
+        """Return what is decided; what it cost is in the trace, as of :meth:`first`."""
+        before = replace(self._spent)
+        result, spent = decide(), self._spent_since(before)
+        if any(spent.values()):
+            self._scene.belief.tell("looked ahead", {"decision": decision, **spent})
+        return result
+
+    def _spent_since(self, before: Spent) -> dict[str, int]:
+        return {name: getattr(self._spent, name) - getattr(before, name) for name in Spent.__slots__}
 
     def _asked(self, candidate: T, leaves_a_way: Callable[[T], bool]) -> bool:
         """Ask about a candidate, which counts as a question unless the answer needs neither search nor check."""
@@ -96,10 +107,15 @@ class Foresight:
 
         return self.finds(location, state, search)
 
-    def finds(self, what: object, state: WorldState, search: Callable[[PlanningScene], bool]) -> bool:
-        """Check whether a search for something finds it in the scene of a state; the same is searched for once."""
+    def finds(
+        self, what: object, state: WorldState, search: Callable[[PlanningScene], bool], *, otherwise: bool = True
+    ) -> bool:
+        """Check whether a search for something finds it in the scene of a state; the same is searched for once.
+
+        ``otherwise`` is the answer where nothing more is searched in this run.
+        """
         if self._spent.searches >= MOST_SEARCHES:
-            return True
+            return otherwise
         then = self._scene.supposing(state)
 
         def counted() -> bool:

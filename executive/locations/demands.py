@@ -415,3 +415,9 @@ def _bound(relation: Relation, subject: Subject, scene: PlanningScene, viewer: V
     if problem := kind.check(term, bodies, subject):
         raise meaningless(relation, *(relation if part is term else part for part in problem))
     return term
+
+
+def names_a_side(location: Location) -> bool:
+    """Check whether a location may depend on the viewpoint."""
+    inner = (one for one in location.references() if isinstance(one, Location))
+    return any(RELATIONS[relation.name].directions for relation in location.relations) or any(map(names_a_side, inner))

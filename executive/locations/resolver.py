@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from contextlib import closing, suppress
+from contextlib import suppress
 from copy import copy
 from dataclasses import replace
 from functools import partial
@@ -26,6 +26,7 @@ from executive.locations.demands import (
     goals_of,
     hand_demand,
     meaningless,
+    names_a_side,
     thing_demand,
     use_at,
 )
@@ -39,7 +40,6 @@ from executive.locations.looks import Looks
 from executive.locations.placement import IN_THE_WAY, Placement
 from executive.locations.questions import (
     ALL,
-    EASY,
     EASY_CHECKS,
     EASY_SOLVED,
     MOST_CHECKS,
@@ -50,7 +50,7 @@ from executive.locations.questions import (
 )
 from executive.locations.rejections import NO_WAY, NOT_VISIBLE, Rejections, unmet
 from executive.locations.replayable import Replayable
-from executive.locations.search import search_bases
+from executive.locations.search import first_base, search_bases
 from executive.locations.search_count import SearchCount
 from executive.locations.shut_ways import behind_doors, to_close
 from executive.locations.supposed import at_rest, with_in_hand
@@ -66,7 +66,6 @@ from planlang.language.performing import actions_around
 from planlang.language.remaining import remaining_actions
 from planlang.progress import Report, unreported
 from planlang.protocols import Solution
-from planlang.relations import RELATIONS
 from planlang.relations.demands import Reach, ReachKind
 from planlang.state import WorldState
 
@@ -96,7 +95,7 @@ class Resolver:
 
     def supposing(self, scene: PlanningScene) -> Resolver:
         """Return the resolver of a scene that is supposed; equal ones share it, with all answers found so far."""
-        viewers = {location: place for location, place in self._viewers.items() if _names_a_side(location)}
+        viewers = {location: place for location, place in self._viewers.items() if names_a_side(location)}
 
         def make() -> Resolver:
             other = copy(self)
@@ -244,7 +243,7 @@ class Resolver:
         validator = self.supposing(scene)._validator
         granted = left.part() if shares else left
         own = Findings(replace(granted), walled=common.walled)
-        found = _first_base(validator, (validator.blind(demand) if blind else None) or demand, own)
+        found = first_base(validator, (validator.blind(demand) if blind else None) or demand, own)
         left.checks -= granted.checks - own.allowance.checks
         left.solved -= granted.solved - own.allowance.solved
         if found is not None:
@@ -256,18 +255,30 @@ class Resolver:
 
         Where the thing that is grasped there is brought, and the other things that later steps bring somewhere.
         """
-        resolver = self.supposing(scene)
-        demand = base_demand(location, scene, self._viewer(location))
-        found = _first_base(resolver._validator, demand, common)
-        reached = {} if found is None else resolver.reached_from(found.base)
-        grasps = (one for by_reach in reached.values() for one in by_reach.values())
-        grasp = next((one for one in grasps if one.reach.kind is ReachKind.GRASP), None)
-        if found is None or grasp is None:
+        base, reached = self._first_reached(location, common, scene)
+        grasp = next((one for one in reached if one.reach.kind is ReachKind.GRASP), None)
+        if grasp is None:
             return ""
         steps = [*actions_around(), *remaining_actions()]
-        there = at_rest(scene, scene.belief.state, found.base)
+        there = at_rest(scene, scene.belief.state, base)
         then = scene.supposing(with_in_hand(scene, there, grasp))
         return lacking_later(steps, grasp.reach.body, then, scene, partial(self._is_feasible_from, common))
+
+    def first_reached(self, location: Location, scene: PlanningScene) -> tuple[BasePose, list[HandSolution]]:
+        """Find quickly a base pose for a location in a scene that is supposed, and how hands reach from there.
+
+        No hand if there is none.
+        """
+        return self._first_reached(location, Findings(Allowance(EASY_CHECKS, EASY_SOLVED), walled=True), scene)
+
+    def _first_reached(
+        self, location: Location, common: Findings, scene: PlanningScene
+    ) -> tuple[BasePose, list[HandSolution]]:
+        resolver, demand = self.supposing(scene), base_demand(location, scene, self._viewer(location))
+        found = first_base(resolver._validator, demand, common)
+        if found is None:
+            return scene.base(), []
+        return found.base, [one for each in resolver.reached_from(found.base).values() for one in each.values()]
 
     def _is_feasible_from(self, common: Findings, location: Location, scene: PlanningScene) -> bool | None:
         """Check as :meth:`_is_feasible` does; None also for a location that its own step will report as wrong."""
@@ -303,7 +314,7 @@ class Resolver:
         areas = [area for area in demand.areas if log.counts[unmet(area)]]
         for area in areas if demand.reaches or demand.seen or len(demand.areas) > 1 else ():
             others = replace(demand, areas=tuple(one for one in demand.areas if one != area))
-            if not common.allowance.is_spent and _first_base(self._validator, others, common) is not None:
+            if not common.allowance.is_spent and first_base(self._validator, others, common) is not None:
                 return area
         return None
 
@@ -485,16 +496,3 @@ class Resolver:
         """Viewpoint of a location's left and right: where the base was when it was last searched for."""
         x, y, _ = self.scene.base()
         return self._viewers.get(location, (x, y))
-
-
-def _first_base(validator: BaseValidator, demand: BaseDemand, common: Findings) -> Solution | None:
-    """Search quickly for a base pose of demands; None if there is none."""
-    tried = Question(known=Findings(common.allowance, walled=common.walled, untried=True))
-    with closing(search_bases(validator, demand, tried, [], most=EASY)) as found:
-        return next(found, None)
-
-
-def _names_a_side(location: Location) -> bool:
-    """Check whether a location may depend on the viewpoint."""
-    inner = (one for one in location.references() if isinstance(one, Location))
-    return any(RELATIONS[relation.name].directions for relation in location.relations) or any(map(_names_a_side, inner))

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Generator, Iterable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -23,7 +24,7 @@ from executive.locations.floor_search import FloorSearch
 from executive.locations.grasp_candidates import CLASSES, Hand
 from executive.locations.hand_predicates import Stage
 from executive.locations.hand_solutions import HandHits, unblocked
-from executive.locations.questions import ALL, BUDGETS, FreeHands, Question
+from executive.locations.questions import ALL, BUDGETS, EASY, Findings, FreeHands, Question
 from executive.locations.rejections import (
     COLLISION,
     NO_ROOM,
@@ -100,6 +101,13 @@ def search_bases(
             found.append(solution.base)
             known.inversions.clear()  # large, and rarely needed again
             yield solution
+
+
+def first_base(validator: BaseValidator, demand: BaseDemand, common: Findings) -> Solution | None:
+    """Search quickly for a base pose of demands; None if there is none."""
+    tried = Question(known=Findings(common.allowance, walled=common.walled, untried=True))
+    with closing(search_bases(validator, demand, tried, [], most=EASY)) as found:
+        return next(found, None)
 
 
 class ReachSearch:

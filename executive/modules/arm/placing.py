@@ -53,20 +53,25 @@ class Lowering(HandReaching):
 
     async def _go(self, solution: HandSolution, location: Location, iterations: int) -> None:
         """Move above the place, into a compartment straight through its open side, then straight down."""
-        outside = self._outside(solution) if solution.reach.inside else None
+        outside = self._outside(solution)
         arm, plan, first = solution.arm, solution.plan, solution.joints[0] if outside is None else outside
         await self._joint_path(arm, first, None, plan.label, iterations=min(FEW, iterations))
         for pose in plan.poses[1 if outside is None else 0 : 2]:
             await self.straight(arm, pose, plan.touches, plan.label)
 
+    def first_posture(self, solution: HandSolution) -> Array:
+        """Return the joint positions (d,) above a place, or before a compartment, from which the hand goes straight."""
+        outside = self._outside(solution)
+        return solution.joints[0] if outside is None else outside
+
     def _outside(self, solution: HandSolution) -> Array | None:
         """Find joint positions (d,) in front of a compartment from which the object can be moved straight in.
 
-        None if the compartment has no open side, or no straight path leads through one.
+        None if it goes into no compartment, that has no open side, or no straight path leads through one.
         """
         scene, arm, base = self.platform.scene, solution.arm, Pose.planar(*self.platform.base()).inverse().matrix()
         held, body = scene.arms.held(arm.name), scene.world.scene.body(solution.reach.body)
-        if held is None:
+        if held is None or not solution.reach.inside:
             return None
         above, stands = solution.plan.poses[0], self.platform.base()
 

@@ -8,8 +8,12 @@ from itertools import chain, islice, product, repeat
 
 import numpy as np
 
+from executive.belief.planning_scene import PlanningScene
 from executive.locations import HandSolution, ReachKind
+from executive.locations.changes import Changes
 from executive.locations.demands import asks_for
+from executive.locations.rejections import Rejections
+from executive.locations.supposed import at_rest
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.arm_paths import ITERATIONS
 from executive.modules.runner import Skill, first_failure, nothing
@@ -97,7 +101,7 @@ class HandReaching(HandWork):
             partial(self._reach, location=location),
             believed=lambda: [bodies.pose(name) for name in names],  # a touch may show that a thing stands elsewhere
             failures=(ManipulationPoseUnreachable, ManipulationGoalInCollision, LocationUnresolvable),
-            otherwise=partial(_out_of_reach, arms[0], location),
+            otherwise=partial(self._out_of_reach, arms[0], location),
         ).run()
 
     def _target(self, action: Action) -> Location | None:
@@ -254,6 +258,64 @@ class HandReaching(HandWork):
             yield begun
         yield from self.platform.resolver.hands(location, arm, self.platform.arm_joints(arm))
 
+    async def _out_of_reach(
+        self, arm: ArmModel, location: Location, problem: PlanFailure | None, tried: int
+    ) -> PlanFailure:
+        """Make the failure of a hand that none of the arms got to a location: what is in the way, if that is known.
+
+        Of an arm that has no path, also what the robot can do so that one has, if that was found.
+        """
+        if isinstance(problem, LocationUnresolvable):
+            blocking = next(iter(problem.blocking), None)
+            kind = ManipulationPoseUnreachable if blocking is None else ManipulationGoalInCollision
+            return kind(arm=arm.name, what=str(location), blocked_by=blocking)
+        if problem is not None and any(isinstance(link, NoPath) for link in problem.chain()):
+            decision = f"what to move so that an arm gets to {location}"
+            once_moved = self.platform.ahead.decided(decision, partial(self._once_moved, location))
+            if once_moved is not None:
+                once_moved.__cause__ = problem
+                failure = ManipulationPoseUnreachable(arm=arm.name, what=str(location))
+                failure.__cause__ = once_moved
+                return failure
+        return await first_failure(problem, tried)
+
+    def _once_moved(self, location: Location) -> LocationUnresolvable | None:
+        """Find an open door or drawer near a location with which moved an arm has a path there; None without one."""
+        scene, what = self.platform.scene, next(location.things(), None)
+        body = None if what is None else scene.bodies.known(what)
+        if body is None:
+            return None
+        changes = Changes(body, scene, Rejections(), lambda _: None)
+        first, advice = changes.by_the_robot(partial(self._gets_to, location))
+        if advice is None:
+            return None
+        return LocationUnresolvable(
+            designator=str(location), figures=advice.sentence, first=first, changes=advice.changes
+        )
+
+    def _gets_to(self, location: Location, scene: PlanningScene) -> bool:
+        """Check whether a base pose is found in a scene that is supposed from which an arm has a path to a location."""
+        where = a_location(in_reach_of=location)
+
+        def search(then: PlanningScene) -> bool:
+            base, reached = self.platform.resolver.first_reached(where, then)
+            there = self.supposing(then.supposing(at_rest(then, then.belief.state, base)))
+            return bool(reached) and all(map(there.unfolds, reached))
+
+        return self.platform.ahead.finds(f"path to {location}", scene.belief.state, search, otherwise=False)
+
+    def unfolds(self, solution: HandSolution) -> bool:
+        """Check whether an arm, as it is now, has a path to the first posture of a solution."""
+        try:
+            self.platform.arms.path(solution.arm, self.first_posture(solution), iterations=FEW)
+        except MotionError:
+            return False
+        return True
+
+    def first_posture(self, solution: HandSolution) -> Array:
+        """Return the joint positions (d,) from which the hand goes straight."""
+        return np.asarray(solution.joints[0])
+
     async def _go(self, solution: HandSolution, location: Location, iterations: int) -> None:
         grasps = asks_for(location, InCenterOf)
         arm, first, label = solution.arm, solution.joints[0], solution.plan.label
@@ -296,15 +358,6 @@ class HandReaching(HandWork):
                     raise ManipulationPoseUnreachable(arm=arm.name, what=label) from problem
                 await checkpoint()
         raise AssertionError("there is at least one round")
-
-
-async def _out_of_reach(arm: ArmModel, location: Location, problem: PlanFailure | None, tried: int) -> PlanFailure:
-    """Make the failure of a hand that none of the arms got to a location: what is in the way, if that is known."""
-    if not isinstance(problem, LocationUnresolvable):
-        return await first_failure(problem, tried)
-    blocking = next(iter(problem.blocking), None)
-    kind = ManipulationPoseUnreachable if blocking is None else ManipulationGoalInCollision
-    return kind(arm=arm.name, what=str(location), blocked_by=blocking)
 
 
 @process_module

@@ -191,3 +191,27 @@ def test_a_door_that_a_later_step_closes_is_opened_no_farther_than_a_hand_could_
     monkeypatch.setattr(LeafPaths, "moves_on", lambda paths, then, *to: then.belief.joint("right") < 1.35)
     stage.do("OpeningAContainerArtifact", "right")
     assert 1.0 < stage.truth.joint("right") < 1.35
+
+
+def test_what_a_decision_costs_is_told_once_and_where_nothing_more_is_searched_the_answer_is_as_stated(
+    stack: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked, searched = Asked(stack), list[object]()
+    ahead, state = asked.ahead, asked.stage.platform.belief.state
+
+    def search(scene: object) -> bool:
+        searched.append(scene)
+        return True
+
+    def decide() -> bool:
+        return ahead.finds("it", state, search, otherwise=False)
+
+    assert ahead.decided("what to do", decide)
+    assert ahead.decided("what to do", decide)
+    assert len(searched) == 1
+    assert asked.told == [
+        {"event": "looked ahead", "decision": "what to do", "questions": 0, "searches": 1, "checks": 0}
+    ]
+    monkeypatch.setattr(foresight, "MOST_SEARCHES", 1)
+    assert not decide()
+    assert ahead.finds("it", state, search)

@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import pytest
 
 from executive.maps import MapObject
+from executive.modules.arm_paths import ArmPaths
+from executive.motion import NoPath
 from planlang import SimulationHost, at_location, checkpoint, perform, run
 from planlang.designators import Object, a_location, action
-from planlang.failures import ContainerStuck, HandleNotReachable, LocationUnresolvable, ObjectUnreachable
+from planlang.failures import (
+    ContainerStuck,
+    HandleNotReachable,
+    LocationUnresolvable,
+    ManipulationPoseUnreachable,
+    ObjectUnreachable,
+)
 from planlang.geometry import Pose
 from planlang.language.recovery import Recovery
+from planlang.protocols import Trajectory
 from planlang.recoveries import open_what_is_in_the_way, step_back_and_repeat
 from tests.support.leaves import Room, room, thing
 
@@ -77,6 +89,30 @@ def test_a_drawer_that_keeps_the_base_from_a_cup_is_closed_first(stack: ExitStac
     assert failed.value.first is not None
     stands_near(stage, cup)
     assert stage.truth.joint("leaf") == pytest.approx(0.0, abs=0.03)
+
+
+def test_an_arm_without_a_path_says_what_has_to_be_opened_further(
+    stack: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage, path = open_by(refrigerator(), stack, "amigo", 0.68), ArmPaths.path
+    cup, now = stage.designator("cup"), stage.truth.configuration()
+    base = next(stage.platform.resolver.bases(a_location(in_reach_of=cup))).base
+    stage.truth.set_configuration(replace(now, base=base))
+    stage.platform.observe()
+
+    def only_past_a_wide_door(self: ArmPaths, *arguments: Any, **keywords: Any) -> Trajectory:
+        if self._control.scene.belief.joint("leaf") < 1.0:
+            raise NoPath([], [], {})
+        return path(self, *arguments, **keywords)
+
+    monkeypatch.setattr(ArmPaths, "path", only_past_a_wide_door)
+    with pytest.raises(ManipulationPoseUnreachable) as failed:
+        stage.run(partial(perform, action("Reaching", to_location=a_location(in_front_of=cup))))
+    found = next(link for link in failed.value.chain() if isinstance(link, LocationUnresolvable))
+    assert "with leaf open by 90 degrees instead of 39 degrees" in str(found)
+    assert found.first == action(
+        "OpeningAContainerArtifact", object_acted_on=stage.designator("leaf"), all_the_way=True
+    )
 
 
 @pytest.mark.long
