@@ -18,10 +18,16 @@ from executive.robots.arms import with_carrying
 from executive.runs.assembly import RobotExecutive, platform_of, world_at_start
 from planlang import SimulationHost, perform, run
 from planlang.designators import Object, action
+from planlang.faults.drawing import Draw
+from planlang.faults.named import read_faults
 from planlang.files import bundled
 from planlang.geometry import Pose
 from planlang.ontology import Ontology, expand, load
+from planlang.protocols import RobotInterface
 from sim import PyBulletWorld, Scene
+from sim.faults.faulty_robot import FaultyRobot
+from sim.faults.faulty_world import FaultyWorld
+from sim.faults.injection import Injection
 
 PLACE = "http://example.org/leaves.owl#"
 DRAWERS = 0.4
@@ -104,21 +110,36 @@ def room(
     *,
     truth: tuple[MapObject, ...] | None = None,
     start: tuple[float, float, float] = START,
+    trusts_map: bool = False,
+    faults: tuple[str, ...] = (),
 ) -> Room:
-    """A room with things in it, of which ``truth`` are there; ``stack`` ends its worlds."""
+    """A room with things in it, of which ``truth`` are there, in which ``faults`` happen; ``stack`` ends its worlds."""
     there = scene_of(SemanticMap(None, vocabulary(), truth or things, ()))
-    return staged(stack, SemanticMap(None, vocabulary(), things, ()), there, robot, start)
+    believed = SemanticMap(None, vocabulary(), things, ())
+    return staged(stack, believed, there, robot, start, trusts_map=trusts_map, faults=faults)
 
 
 def staged(
-    stack: ExitStack, semantic_map: SemanticMap, there: Scene, robot: str, start: tuple[float, float, float]
+    stack: ExitStack,
+    semantic_map: SemanticMap,
+    there: Scene,
+    robot: str,
+    start: tuple[float, float, float],
+    *,
+    trusts_map: bool = False,
+    faults: tuple[str, ...] = (),
 ) -> Room:
     """A robot in a world that it believes to be as its map says; ``stack`` ends its worlds."""
     bound = robot_of(robot)
     low, high = np.minimum(BOUNDS[:2], there.bounds[:2]), np.maximum(BOUNDS[2:], there.bounds[2:])
     bounds = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
     believed = world_at_start(replace(scene_of(semantic_map), bounds=bounds), bound, start, stack)
-    real = PyBulletWorld(replace(there, bounds=bounds, start=start), bound.body())
+    scene = replace(there, bounds=bounds, start=start)
+    real = FaultyWorld(scene, bound.body()) if faults else PyBulletWorld(scene, bound.body())
+    interface: RobotInterface = real
     stack.callback(real.close)
-    platform = platform_of(bound, semantic_map, real, believed, 0)
+    if isinstance(real, FaultyWorld):
+        hands = {arm.tip: (arm.name,) for arm in bound.arms}
+        interface = FaultyRobot(Injection(real, Draw(read_faults(faults), 0.0, 0)), hands)
+    platform = platform_of(bound, semantic_map, interface, believed, 0, trusts_map=trusts_map)
     return Room(real, platform, RobotExecutive(platform, bundled_registry().resolve([]), real))

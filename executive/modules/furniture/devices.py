@@ -191,7 +191,8 @@ class Devices(HandWork):
 
         async def unresponsive(problem: PlanFailure | None, tried: int) -> PlanFailure:
             does = "its knob was turned" if control.turns else "its button was pushed"
-            message = f"{control.device} stays {'off' if turns_on else 'on'}, although {does} {tried} times"
+            stays = f"{control.device} stays {'off' if turns_on else 'on'}, although {does} {tried} times"
+            message = f"{stays}, as the hand has felt: it is dead, or has no power"
             return DeviceUnresponsive(message, what=control.device)
 
         await Skill(lambda: (control,), self._switch, failures=(), most=TIMES, otherwise=unresponsive).until(is_done)

@@ -11,11 +11,12 @@ import pytest
 
 from executive.maps import MapObject, SemanticMap, scene_of
 from executive.modules.tools.motion_grounding import GroundedMotion, Grounding
-from planlang import explain
-from planlang.designators import Condition
+from planlang import Recovery, explain, perform
+from planlang.designators import Condition, action
 from planlang.failures import ActionUnresolvable, DeviceUnresponsive, HandleNotReachable, StateUnknown
 from planlang.geometry import Pose
 from planlang.geometry.matrices import rigid
+from planlang.recoveries import step_back_and_repeat
 from sim import PyBulletWorld
 from sim.joints import Controls
 from tests.support.leaves import room, thing, vocabulary
@@ -146,8 +147,25 @@ def test_a_device_is_looked_at_and_not_switched_by_what_the_map_says(
 def test_a_device_with_a_dead_button_is_reported(stack: ExitStack, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Controls, "pushed", lambda *_: None)
     stage = room(stack, (TABLE, MAKER, button()))
-    with pytest.raises(DeviceUnresponsive, match="maker stays off, although its button was pushed 2 times"):
+    with pytest.raises(DeviceUnresponsive, match=r"its button was pushed 2 times, .* it is dead"):
         stage.do(ON, "maker")
+
+
+def test_a_button_that_fails_once_is_pushed_once_more(stack: ExitStack) -> None:
+    stage = room(stack, (TABLE, MAKER, button()), faults=("device:stays",))
+    stage.do(ON, "maker")
+    assert stage.truth.matter.is_on("maker")
+    assert stage.platform.belief.state.matter.is_on("maker")
+
+
+def test_a_dead_device_is_given_up_after_four_pushes_within_a_minute(stack: ExitStack) -> None:
+    """Two from where the base stands, and two once it has stepped back and looked, as the ontology states."""
+    stage = room(stack, (TABLE, MAKER, button()), faults=("device:is_dead",))
+    device = stage.designator("maker")
+    again = Recovery(DeviceUnresponsive, step_back_and_repeat(device), retries=1)
+    with pytest.raises(DeviceUnresponsive, match="it is dead, or has no power"):
+        stage.run(lambda: perform(action(ON, object_acted_on=device), recoveries=[again]))
+    assert stage.truth.steps / stage.truth.rate < 75.0
 
 
 def test_a_device_that_cannot_be_seen_from_the_start_is_looked_at_from_elsewhere(stack: ExitStack) -> None:

@@ -241,6 +241,7 @@ def test_every_recovery_is_complete_and_of_declared_strategies_and_failures(voca
         "pourTheRest",
         "lookIntoTheVessel",
         "operateAgain",
+        "switchAgain",
     ]
     for recovery in recoveries:
         assert vocabulary.value(recovery, "strategy") in strategies
