@@ -133,7 +133,7 @@ class BelievedBodies(ScenePart, SceneBodies):
         point = np.array(touch.point)
         carried = self._belief.state.carried()
         solid = [name for name in self.names() if name not in carried and self.is_solid(name)]
-        bodies = [name for name in solid if not self.is_room(name) and point[2] <= self.block(name).high + SHIFTED]
+        bodies = [name for name in solid if not self.is_room(name) and point[2] <= self._highest(name)]
         name = self._nearest(point, bodies, SHIFTED)
         if name is not None:
             return name, self._shifted(name, point - self.block(name).nearest(point))
@@ -169,6 +169,10 @@ class BelievedBodies(ScenePart, SceneBodies):
         block = self.block(room)
         local = np.abs(block.to_local(point[None])[0])
         return float(np.abs(np.array([block.half_x, block.half_y]) - local).min())
+
+    def _highest(self, name: str) -> float:
+        """Height up to which a touch may be of a body [m]: furniture stands on the floor, wherever it was moved."""
+        return self.block(name).high + (SHIFTED if self.is_graspable(name) else MEANT)
 
     def _shifted(self, name: str, by: Array) -> Pose:
         x, y, z = (self.pose(name).position + by).tolist()
