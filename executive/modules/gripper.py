@@ -86,6 +86,12 @@ class Grasping(PlatformModule):
             if not arm.openings.gap:
                 missed.message = f"{missed}; its fingers have no shapes that could hold it: are their meshes missing?"
             raise missed
+        if not self.platform.belief.seen(name) and (gap := hands.too_narrow(arm, name)) is not None:
+            # something else stands where the map has the thing
+            await hands.move(arm, closed=False)
+            self.platform.missed(arm)
+            told = f"the gripper closed to {1000 * gap:.0f} mm: {name} is wider"
+            raise GraspMissed(told, arm=arm.name, what=name)
         hands.grasp(arm, name)
         return name
 

@@ -16,6 +16,9 @@ from planlang.kernel import now, sleep
 from planlang.protocols import Group, GroupKind, Motion
 from sim.falling import falling_time
 
+NARROWER = 0.6
+"""Share of the least extent of a thing below which fingers that close on it cannot get: off its middle they get less
+than all of it."""
 SAME = 0.01
 """Tolerance of openings, as a share of the hand's full opening."""
 
@@ -75,6 +78,15 @@ class Hands:
         """Find the believed body that explains what the closed fingers feel; None if there is none."""
         point = self._control.between_fingers(arm.name)
         return None if point is None else self._control.scene.bodies.graspable_at(point)
+
+    def too_narrow(self, arm: ArmModel, name: str) -> float | None:
+        """Return the gap between the closed fingers [m] if a body would not let them that close; None if it may."""
+        body, openings = self._control.scene.bodies.body(name), arm.openings
+        if body.soft or body.handles or body.wall or not openings.gaps.any():
+            return None
+        current = dict(zip(openings.joints, self._control.joints(openings.joints), strict=True))
+        gap = openings.gap_at(openings.share(current))
+        return gap if gap < NARROWER * min(body.size) else None
 
     def grasp(self, arm: ArmModel, name: str) -> None:
         """Close the grip on the object between the fingers.

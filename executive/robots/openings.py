@@ -130,11 +130,12 @@ class Openings:
         """Find the narrowest opening that releases what fingers at these joint values hold."""
         if not self.fingers:
             return ()
-        middle = len(SECTIONS) // 2
-        widths = self.gaps[:, middle]
+        return self.fingers[int(self.around(np.array([[self.gap_at(self.share(joints)), 0.0]]))[0])]
+
+    def gap_at(self, share: float) -> float:
+        """Compute the gap at the grip point between fingers that are open by a share, from 0 closed to 1 [m]."""
         shares = np.linspace(0.0, 1.0, len(self.fingers))
-        now = self.share(joints)
-        return self.fingers[int(self.around(np.array([[np.interp(now, shares, widths), 0.0]]))[0])]
+        return float(np.interp(share, shares, self.gaps[:, len(SECTIONS) // 2]))
 
     def share(self, joints: Mapping[str, float]) -> float:
         """Compute how far fingers at these joint values are open: 0 closed, 1 fully opened."""
