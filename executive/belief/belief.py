@@ -30,14 +30,10 @@ TURNED = 0.01
 """The same limit for its rotation [rad]."""
 RESTING = 0.02
 """Distance between the bottom of an object and the top of another up to which it stands on that [m]."""
-
-
 LEAST_NOTICED = 0.1
 """Visible share from which on a thing that no map has is believed."""
 ShouldShow = Callable[[Collection[str]], Collection[str]]
 """Selects the things that a picture would show."""
-
-
 AtRest = Callable[[str, Estimate], Pose]
 """Makes of the estimate of a thing's pose the one in which it stands on what is below."""
 
@@ -236,6 +232,11 @@ class Belief(KnownThings):
         self.memory = self.memory.learned((name,), Source.FELT)
         if name in self._moving:
             self.doubted(self._moving[name])
+        self._put(name, pose, "felt")
+
+    def felt(self, name: str, pose: Pose) -> None:
+        """Record that a hand has felt for an object, and found it at ``pose``: it need not be looked at again."""
+        self.memory = self.memory.found(name, Source.FELT)
         self._put(name, pose, "felt")
 
     def obstacle(self, pose: Pose) -> None:

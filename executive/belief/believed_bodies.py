@@ -160,11 +160,11 @@ class BelievedBodies(ScenePart, SceneBodies):
         if name is not None and (not belief.seen(name) or self.block(name).away(point) <= MEANT):
             return self.as_obstacle(name)
         rooms = (name for name in self.names() if self.is_room(name))
-        if (room := next((name for name in rooms if self._inside_of(name, point) <= SHIFTED), None)) is not None:
+        if (room := next((name for name in rooms if self.from_walls(name, point) <= SHIFTED), None)) is not None:
             return self.as_obstacle(room)
         return something_at(*touch.point[:2])
 
-    def _inside_of(self, room: str, point: Array) -> float:
+    def from_walls(self, room: str, point: Array) -> float:
         """Compute how far a map point (3,) is from the walls of a room [m]."""
         block = self.block(room)
         local = np.abs(block.to_local(point[None])[0])

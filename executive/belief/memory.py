@@ -176,6 +176,11 @@ class Memory:
         uncertain = self.uncertain - known.keys()
         return replace(self, known={**self.known, **known}, uncertain=uncertain, estimates=estimates)
 
+    def found(self, name: str, source: Source) -> Memory:
+        """Know the pose of an object that was looked for, or felt for, so that no hand has lost it any more."""
+        dropped = {arm: lost for arm, lost in self.dropped.items() if lost != name}
+        return replace(self.learned((name,), source), in_vain=without(self.in_vain, name), dropped=dropped)
+
     def without_place(self, name: str) -> Memory:
         """Forget where an object was; its designators may be bound to others."""
         bound = {what: meant for what, meant in self.bound.items() if meant != name}

@@ -54,12 +54,37 @@ def test_a_robot_without_camera_that_trusts_the_map_hands_the_bottle_over(
     assert header(trace)["trusts_map"] is True
 
 
-@pytest.mark.long
-def test_what_a_hand_without_camera_misses_where_the_map_has_it_is_not_found() -> None:
-    found = run("pass_a_drink", "--robot", "panda", "--trust-map", "--seed", "2")
-    assert (found["exit_code"], found["failure"]["class"]) == (1, "ObjectNotFound")
-    assert [cause["class"] for cause in found["failure"]["causes"]] == ["GraspMissed"]
-    assert found["final_state"] == ["bottle1: at rest on table1"]
+def world(folder: Path, thing: str, key: str, value: object) -> Path:
+    """A file with one change of the world."""
+    file = folder / "world.json"
+    file.write_text(json.dumps([{"thing": thing, "property": key, "value": value}]))
+    return file
+
+
+PANDA = ("pass_a_drink", "--robot", "panda", "--trust-map")
+GOAL = ("--goal", "bottle1 held by guest1")
+
+
+def test_what_a_hand_without_camera_misses_where_the_map_has_it_is_felt_for_and_handed_over(tmp_path: Path) -> None:
+    trace = tmp_path / "run.jsonl"
+    moved = world(tmp_path, "bottle1", "translation", [0.62, 0.05, 0.84])
+    found = run(*PANDA, *GOAL, "--world", moved, "--trace", trace)
+    assert (found["exit_code"], found["final_state"]) == (0, ["bottle1: held by guest1"])
+    felt = [one for one in map(json.loads, trace.read_text().splitlines()) if one.get("change") == "felt"]
+    assert [one["name"] for one in felt] == ["bottle1"]
+
+
+def test_what_is_not_felt_near_where_the_map_has_it_is_nowhere_to_be_found(tmp_path: Path) -> None:
+    found = run(*PANDA, "--world", world(tmp_path, "bottle1", "absent", True))
+    assert (found["exit_code"], found["failure"]["class"]) == (1, "ObjectNowhereToBeFound")
+    assert "bottle1 was not felt within 50 cm of where the map has it" in found["failure"]["message"]
+
+
+def test_a_guest_who_stands_elsewhere_takes_nothing_and_nothing_else_is_said(tmp_path: Path) -> None:
+    found = run(*PANDA, *GOAL, "--world", world(tmp_path, "guest1", "translation", [-1.2, -1.2, 0.8]))
+    assert (found["exit_code"], found["failure"]["class"]) == (1, "HandoverNotTaken")
+    assert not found["claimed"]
+    assert [one["holds"] for one in found["goals"]] == [False]
 
 
 @pytest.mark.long

@@ -58,8 +58,20 @@ class Perception(PlatformModule):
     failures = (PerceptionFailure, LookingFailure, DesignatorFailure, NavigationFailure, ObjectNowhereToBeFound)
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the head; for a search of several places, which are driven to and opened, the whole robot."""
-        return self.whole_robot() if self._searches_places(action) else ("head",)
+        """Return the head; for a search of several places, which are driven to and opened, the whole robot.
+
+        So it is for what a robot without a camera feels for.
+        """
+        what, bodies = action.get("object_acted_on"), self.platform.scene.bodies
+        name = bodies.known(what) if isinstance(what, Object) else None
+        is_felt = name is not None and self._feels_for(name)
+        return self.whole_robot() if is_felt or self._searches_places(action) else ("head",)
+
+    def _feels_for(self, name: str) -> bool:
+        """Check whether a hand has to feel for a thing: it has missed it, and there is no camera."""
+        platform = self.platform
+        is_missed = bool(platform.belief.looked_in_vain(name)) and platform.scene.bodies.is_graspable(name)
+        return platform.robot.camera is None and is_missed and name not in platform.belief.held
 
     def _searches_places(self, action: Action) -> bool:
         """Check whether the action searches for an object at an unknown place."""
@@ -73,6 +85,7 @@ class Perception(PlatformModule):
         Raises AmbiguousPerception if others look like it and its mark, which the map states, cannot be read from here.
         An object seen from elsewhere but hidden from here keeps its pose. An object at an unknown place is searched
         for at all likely places within ``location_searched``; raises ObjectNowhereToBeFound if it is at none of them.
+        A robot without a camera feels for a thing that it has missed.
         """
         what = self.object_of(action, "perceive")
         platform = self.platform
@@ -87,6 +100,11 @@ class Perception(PlatformModule):
             raise
         if name is None:
             return platform.belief.pose(await self._search(action, what))
+        if self._feels_for(name):
+            from executive.modules.looking.feeling import Feeler  # most robots have a camera
+
+            await Feeler(platform, name).find()
+            return platform.belief.pose(name)
         unreachable: LookingGoalUnreachable | None = None
         try:
             gazes = islice(self._gazes(name), MOST_GAZES)
