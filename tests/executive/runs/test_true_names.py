@@ -59,9 +59,3 @@ def test_no_true_name_is_in_the_trace_or_the_message(environment: str, recipe: s
     records = [json.loads(line) for line in (tmp_path / "run.jsonl").read_text().splitlines()]
     assert not [one for one in records if TRUE in json.dumps(one)]
     assert TRUE not in result.message
-
-
-def test_what_no_map_knows_is_named_by_where_it_was_touched(tmp_path: Path) -> None:
-    result = ran("hospital_room", "serve_a_drink", renamed("hospital_room", tmp_path, CHAIR))
-    touched = [one["failure"]["message"] for one in result.trace if one["event"] == "ended" and one.get("failure")]
-    assert any("blocked by" in one for one in touched)
