@@ -94,7 +94,7 @@ class Search:
     left_open: list[str] = field(default_factory=list)
     """Doors and drawers that could not be closed again."""
     opened_for: list[str] = field(default_factory=list)
-    """Places for which doors between rooms were opened, or were to be."""
+    """Places for which doors between rooms were opened, or were to be, or which these do not hide."""
     stuck: list[str] = field(default_factory=list)
     """Doors between rooms that could not be opened."""
 
@@ -292,6 +292,7 @@ class Searches:
             behind = behind_doors(self.scene, is_visible, name, f"a view of {name}", search.stuck)
             if behind is not None:
                 return replace(one, behind=behind)
+            search.opened_for.append(name)
         return None
 
     def _is_shut(self, name: str) -> bool:
