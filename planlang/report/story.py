@@ -7,7 +7,7 @@ from typing import Any
 
 from planlang.object_changes import state_word
 from planlang.report.failures import Failures
-from planlang.report.tree import is_origin, pose_text, shown
+from planlang.report.tree import in_words, is_origin, pose_text, shown
 from planlang.report.wording import Wording, duration
 from planlang.runs.run_tree import CLOSED, DECISIONS, Happened, RunTree, TaskNode
 
@@ -25,9 +25,10 @@ def story_of(tree: RunTree, wording: Wording, failures: Failures, end: float) ->
             sentences += _steps(node, wording, failures)
     values = dict[str, float]()
     learnt = ((_learnt(one.details, values), one) for one in tree.belief)
-    told = {(one.step, _sentence(text)): one for text, one in learnt if text is not None}  # two hands take a thing once
+    told = {(one.step, text): one for text, one in learnt if text is not None}  # two hands take a thing once
     for (step, text), one in told.items():
-        sentences.append((one.place, [round(step / tree.rate, 4), None, text, "belief"]))
+        said = _sentence(text) if text.startswith("the robot ") else f"{text}."  # a name is written as it is
+        sentences.append((one.place, [round(step / tree.rate, 4), None, said, "belief"]))
     ordered = [sentence for _, sentence in sorted(sentences, key=lambda one: one[0])]
     return [*_each_reason_once(ordered)]
 
@@ -54,7 +55,7 @@ def _learnt(details: Mapping[str, Any], values: dict[str, float]) -> str | None:
     """Tell what the robot learns; None of what is of no interest. ``values`` has the last position of each leaf."""
     name, change = shown(details.get("name", "something")), details.get("change")
     match details:
-        case {"to": person} if change in _LEARNT:
+        case {"to": str(person)} if change in _LEARNT:
             return f"the robot hands {name} to {shown(person)}"
         case {"change": "switched", "state": str(state)}:
             return f"{name} is {state_word(state)}"
@@ -88,7 +89,7 @@ def _ends(root: TaskNode, wording: Wording, failures: Failures, end: float) -> I
         case "succeeded":
             text = f"The plan is done after {time:.1f} s."
         case "failed":
-            text = f"The plan fails after {time:.1f} s: {failures.lowered(root)}."
+            text = f"The plan fails after {time:.1f} s: {in_words(failures.lowered(root))}."
         case "running":
             text = "The trace ends here, before the plan does."
         case _:
@@ -120,7 +121,7 @@ def _steps(node: TaskNode, wording: Wording, failures: Failures) -> Iterator[_Pl
             yield node.first, [round(node.start or 0.0, 4), node.number, text, mood]
     if node.failure is not None and node.parent is not None and (node.kind == "perform" or _is_bare(node)):
         name = "the search for a place" if node.kind == "at_location" else wording.of(node)
-        why = _sentence(f"{name}{_FAILS}{failures.lowered(node)}")
+        why = _sentence(f"{name}{_FAILS}{in_words(failures.lowered(node))}")
         yield node.last, [round(node.end or 0.0, 4), node.number, why, "cause"]
 
 

@@ -162,7 +162,12 @@ def properties_text(properties: str, short: Mapping[str, str] | None = None) -> 
     """
     names, said = short or {}, _UNSAID.sub("", properties)
     spelt = _KEYS.sub(lambda key: names.get(key[1], key[1].replace("_", " ") + ("" if key[2] else " ")), said)
-    return _RELATION.sub(lambda found: f"{found[1].replace('_', ' ').strip()} {found[2]}", spelt)
+    return in_words(spelt)
+
+
+def in_words(text: str) -> str:
+    """Put relations to a thing in words: ``in_reach_of(anna), right arm`` becomes ``in reach of anna, right arm``."""
+    return _RELATION.sub(lambda found: f"{found[1].replace('_', ' ').strip()} {found[2]}", text)
 
 
 def event_text(one: Happened) -> str | None:

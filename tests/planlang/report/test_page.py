@@ -173,14 +173,16 @@ def test_a_story_tells_what_becomes_of_doors_and_devices() -> None:
         {"change": "switched", "name": "lamp1", "state": "DeviceStateOff"},
         {"change": "stays open", "name": "door2", "because": "the handle is out of reach"},
         {"change": "not seen", "name": "cup1"},
+        {"change": "released", "name": "cup1", "to": None},
     ]
     told = Told.of({"event": "belief", "step": step, "revision": step, **one} for step, one in enumerate(changes))
     assert [text for _, _, text, kind in model_of(told)["story"] if kind == "belief"] == [
         "The robot takes door1 by its handle.",
-        "Door1 stands open.",
-        "Door1 is closed.",
-        "Lamp1 is off.",
-        "Door2 stays open: the handle is out of reach.",
+        "door1 stands open.",
+        "door1 is closed.",
+        "lamp1 is off.",
+        "door2 stays open: the handle is out of reach.",
+        "The robot lets go of cup1.",
     ]
 
 
