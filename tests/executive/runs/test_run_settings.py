@@ -10,7 +10,7 @@ import pytest
 
 from executive.cli.arguments import RunArguments
 from executive.options.declaring import as_json, declared, made, stated
-from executive.options.headers import header_entries, in_header, settings_from_header
+from executive.options.headers import given_or, header_entries, in_header, settings_from_header
 from executive.options.running import RunSettings
 from executive.runs.options import RunOptions
 
@@ -28,6 +28,13 @@ def test_the_header_states_what_is_set_and_nothing_else() -> None:
     assert header_entries(RunSettings()) == {}
     found = header_entries(SET, models=[], modules={"mine.py": "sha256"})
     assert found == {"given": [], "modules": {"mine.py": "sha256"}, "trusts_map": True, "unknown": ["cup1", "all"]}
+
+
+def test_a_factor_of_nothing_is_stated_and_taken_over_as_it_differs_from_none() -> None:
+    header = header_entries(RunSettings(camera_noise=0.0))
+    assert header == {"camera_noise": 0.0}
+    assert settings_from_header(header) == {"camera_noise": 0.0}
+    assert (given_or(0.0, 1.0), given_or(None, 1.0), given_or(False, True)) == (0.0, 1.0, True)
 
 
 def test_a_resumed_run_takes_over_what_can_be_read_from_a_header_alone() -> None:
