@@ -208,7 +208,7 @@ class PyBulletWorld(KinematicScene):
         if self._robot is not None:
             self._pushing = Pushing(self._bodies, self._leaves, self._contacts, self.gravity)
             self._outlook = Outlook(self._contacts, self._here)
-            self._erring = Erring(self._optics(), seed, lambda name: self.scene.body(name).kinds)
+            self._erring = Erring(self._optics(), seed, lambda name: self._bodies.bodies[name].kinds)
 
     # Time and motions
 

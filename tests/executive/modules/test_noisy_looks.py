@@ -10,6 +10,7 @@ import pytest
 from executive.robots.arms import RobotModel
 from planlang import action, perform
 from planlang.failures import ObjectNotFound
+from planlang.geometry import Pose
 from planlang.ontology import Ontology
 from sim.scene import CameraNoise
 from tests.executive.conftest import BED, BOTTLE, CABINET, THE_BOTTLE, Stage, furnisher, stand
@@ -49,6 +50,8 @@ def look(stage: Stage, times: int = 1) -> None:
 
 def test_a_bottle_that_is_seen_too_high_and_leaning_stands_on_its_cabinet(make_erring: MakeErring) -> None:
     stage = make_erring(CameraNoise(position=0.01, angle=0.035))
+    x, y, z = BOTTLE.pose.position
+    stage.truth.set_pose("bottle", Pose((x, y + 0.1, z)))
     look(stage)
     believed, true = stage.belief.pose("bottle"), stage.truth.pose("bottle")
     assert 0.0 < believed.distance(true) < 0.05
