@@ -62,16 +62,16 @@ class Perception(PlatformModule):
 
         So it is for what a robot without a camera feels for.
         """
-        what, bodies = action.get("object_acted_on"), self.platform.scene.bodies
-        name = bodies.known(what) if isinstance(what, Object) else None
+        is_blind, what = self.platform.robot.camera is None, action.get("object_acted_on")
+        name = self.platform.scene.bodies.known(what) if is_blind and isinstance(what, Object) else None
         is_felt = name is not None and self._feels_for(name)
         return self.whole_robot() if is_felt or self._searches_places(action) else ("head",)
 
     def _feels_for(self, name: str) -> bool:
         """Check whether a hand has to feel for a thing: it has missed it, and there is no camera."""
-        platform = self.platform
-        is_missed = bool(platform.belief.looked_in_vain(name)) and platform.scene.bodies.is_graspable(name)
-        return platform.robot.camera is None and is_missed and name not in platform.belief.held
+        if self.platform.robot.camera is not None or not self.platform.belief.looked_in_vain(name):
+            return False
+        return self.platform.scene.bodies.is_graspable(name) and name not in self.platform.belief.held
 
     def _searches_places(self, action: Action) -> bool:
         """Check whether the action searches for an object at an unknown place."""
