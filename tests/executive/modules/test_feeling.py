@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from executive.belief.memory import Source
+from executive.belief.obstacles import NAMES
 from executive.maps import MapObject
 from planlang import perform
 from planlang.designators import action
@@ -79,6 +80,16 @@ def test_a_thing_that_is_not_round_is_felt_from_two_sides(stack: ExitStack) -> N
     stage = missed(stack, box(*AT), box(AT[0] + 0.1, AT[1] + 0.15))
     feel(stage)
     assert math.dist(stage.platform.belief.pose("bottle").position[:2], (AT[0] + 0.1, AT[1] + 0.15)) < 0.01
+
+
+def test_what_the_hand_has_run_into_near_by_is_felt_first(stack: ExitStack) -> None:
+    at = (AT[0] + 0.2, AT[1] + 0.2)
+    stage = missed(stack, bottle(*AT), bottle(*at))
+    belief = stage.platform.belief
+    belief.obstacle(Pose((at[0] + 0.02, at[1] - 0.02, 0.86)))
+    feel(stage)
+    assert math.dist(belief.pose("bottle").position, (*at, 0.84)) < 0.005
+    assert not set(belief.names()) & set(NAMES), "the thing explains what was met"
 
 
 def test_what_is_not_there_is_nowhere_to_be_found(stack: ExitStack) -> None:
