@@ -19,6 +19,7 @@ from planlang.failures import (
 from planlang.geometry import Pose
 from planlang.language.recovery import Recovery
 from planlang.recoveries import look_from_another_place
+from planlang.runs import Trace
 from sim import Body
 from tests.executive.conftest import BOTTLE, THE_BOTTLE, MakeStage
 from tests.support.leaves import PLACE, Room, room, thing
@@ -62,8 +63,9 @@ class Doors:
     actions = ("OpeningAContainerArtifact", "ClosingAContainerArtifact")
     failures = (HandleNotReachable,)
 
-    def __init__(self, stage: Room, *, sticks: bool = False) -> None:
-        self.stage, self.sticks, self.asked = stage, sticks, list[str]()
+    def __init__(self, stage: Room, *, sticks: bool = False, misses: int = 0) -> None:
+        """``misses``: how often it does not close."""
+        self.stage, self.sticks, self.misses, self.asked = stage, sticks, misses, list[str]()
 
     def resources(self, asked: Action) -> tuple[str, ...]:
         return ()
@@ -72,6 +74,9 @@ class Doors:
         await checkpoint()
         self.asked.append(asked.type)
         if self.sticks:
+            raise HandleNotReachable(what="leaf")
+        if asked.type == CLOSES and self.misses > 0:
+            self.misses -= 1
             raise HandleNotReachable(what="leaf")
         value = 0.3 if asked.type.startswith("Opening") else 0.0
         self.stage.truth.set_joint("leaf", value)
@@ -83,7 +88,7 @@ OPENS, CLOSES = Doors.actions
 KEYS = an_object("Key", PLACE + "keys")
 
 
-def kitchen(stack: ExitStack, *, inside: bool, sticks: bool = False) -> tuple[Room, Doors]:
+def kitchen(stack: ExitStack, *, inside: bool, sticks: bool = False, misses: int = 0) -> tuple[Room, Doors]:
     """A room with a chest with a drawer, and keys that the robot does not know of: in it, or nowhere to be seen."""
     grip = thing("grip", "Handle", Pose((0.56, 0.0, 0.65)), (0.012, 0.2, 0.012))
     leaf = thing("leaf", "Drawer", Pose((0.84, 0.0, 0.65)), (0.48, 0.5, 0.14), "grip")
@@ -93,14 +98,14 @@ def kitchen(stack: ExitStack, *, inside: bool, sticks: bool = False) -> tuple[Ro
     stage = room(stack, (case, leaf, grip, keys))
     stage.platform.belief.not_there("keys")
     stage.platform.observe()
-    doors = Doors(stage, sticks=sticks)
+    doors = Doors(stage, sticks=sticks, misses=misses)
     stage.executive.modules = (doors, *stage.executive.modules)
     return stage, doors
 
 
-def search(stage: Room) -> None:
-    host = SimulationHost(stage.truth)
-    run(lambda: perform(action("LookingForSomething", object_acted_on=KEYS)), host=host, executive=stage.executive)
+def search(stage: Room, trace: Trace | None = None) -> None:
+    looking = action("LookingForSomething", object_acted_on=KEYS)
+    run(lambda: perform(looking), host=SimulationHost(stage.truth), executive=stage.executive, trace=trace)
 
 
 def test_a_drawer_is_opened_to_look_inside_and_stays_open_where_the_thing_is(stack: ExitStack) -> None:
@@ -115,6 +120,23 @@ def test_a_drawer_in_which_the_thing_is_not_is_closed_again(stack: ExitStack) ->
     with pytest.raises(ObjectNowhereToBeFound, match=r"looked at: the outside of case, in leaf$"):
         search(stage)
     assert doors.asked == [OPENS, CLOSES]
+
+
+def test_a_drawer_that_does_not_close_at_once_is_closed_after_a_step_back(stack: ExitStack) -> None:
+    stage, doors = kitchen(stack, inside=False, misses=1)
+    with pytest.raises(ObjectNowhereToBeFound, match=r"looked at: the outside of case, in leaf$"):
+        search(stage)
+    assert doors.asked == [OPENS, CLOSES, CLOSES]
+    assert stage.truth.joint("leaf") == 0.0
+
+
+def test_of_a_drawer_that_stays_open_after_a_search_it_is_told_why(stack: ExitStack) -> None:
+    stage, _ = kitchen(stack, inside=False, misses=9)
+    trace = Trace()
+    with pytest.raises(ObjectNowhereToBeFound, match="leaf was opened and could not be closed again"):
+        search(stage, trace)
+    (told,) = (event for event in trace.events if event["event"] == "stays open")
+    assert (told["name"], told["because"]) == ("leaf", "the handle is out of reach: leaf")
 
 
 def test_what_could_not_be_opened_was_not_looked_at(stack: ExitStack) -> None:

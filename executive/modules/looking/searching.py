@@ -38,7 +38,7 @@ from planlang.language.process_module import process_module
 from planlang.language.recovery import Recovery
 from planlang.language.tidying import passed
 from planlang.records import dataclass
-from planlang.recoveries import open_what_is_in_the_way
+from planlang.recoveries import NOT_OPERATED, open_what_is_in_the_way, step_back_and_repeat
 
 ABOUT = 2.0
 """Distance of the points to look at in unknown surroundings [m]."""
@@ -268,7 +268,10 @@ async def _seen_at(platform: Platform, search: Search, name: str, first: LikelyP
 
 
 async def _seen_inside(platform: Platform, search: Search, leaf: str) -> str | None:
-    """Open a door or drawer and look inside; return the object if seen. Close it again unless the object is inside."""
+    """Open a door or drawer and look inside; return the object if seen. Close it again unless the object is inside.
+
+    The trace says why one stays open.
+    """
     belief, bodies = platform.belief, platform.scene.bodies
     what = bodies.designator(leaf)
     try:
@@ -282,10 +285,12 @@ async def _seen_inside(platform: Platform, search: Search, leaf: str) -> str | N
     if name is not None and _is_in(platform, name, leaf):
         return name
     if belief.is_left_open(leaf):
+        again = Recovery(NOT_OPERATED, step_back_and_repeat(what))
         try:
-            await perform(action("ClosingAContainerArtifact", object_acted_on=what))
-        except IN_VAIN:
+            await perform(action("ClosingAContainerArtifact", object_acted_on=what), recoveries=[again])
+        except IN_VAIN as failure:
             search.left_open.append(leaf)
+            belief.tell("stays open", {"name": leaf, "because": str(failure)})
     return name
 
 
