@@ -124,6 +124,16 @@ class BelievedBodies(ScenePart, SceneBodies):
         }
         return _nearest(distances, MEANT)
 
+    def stands_at_place_of(self, name: str) -> str | None:
+        """Find another solid thing that is seen from here and overlaps an object where that is believed; else None."""
+        block, carried = self.block(name), self._belief.state.carried()
+        if block.wall:
+            return None  # the other one may be in it
+        others = (one for one in self.names() if one != name and one not in carried and self._belief.seen(one))
+        solid = (one for one in others if self.is_graspable(one) and not self.body(one).wall)
+        blocks = ((one, self.block(one)) for one in solid)
+        return next((one for one, its in blocks if block.away(its.centre) < min(its.half_x, its.half_y)), None)
+
     def explained(self, touch: Touch) -> tuple[str, Pose] | None:
         """Find the body that best explains a touch, and the pose that it then has; None if no body does.
 

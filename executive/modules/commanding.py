@@ -378,12 +378,16 @@ class Sensing:
     def not_seen(self, name: str) -> None:
         """Record that a body was not seen from here.
 
-        After the second time, an object that should be visible from here is no longer believed to be at its place.
+        After the second time, an object that should be visible from here is no longer believed to be at its place; at
+        once if another one is seen there.
         """
         scene, belief = self._control.scene, self._control.belief
         again = bool(belief.looked_in_vain(name))
         belief.not_seen(name, self._control.base())
-        if again and scene.bodies.is_graspable(name) and scene.visibility.hidden(scene.base(), name) is None:
+        if not scene.bodies.is_graspable(name):
+            return
+        is_taken = scene.bodies.stands_at_place_of(name) is not None
+        if is_taken or (again and scene.visibility.hidden(scene.base(), name) is None):
             belief.not_there(name)
 
     def is_out_of_sight(self, name: str) -> bool:

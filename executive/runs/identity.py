@@ -37,7 +37,10 @@ class Identities:
         if name in belief.held:
             link = belief.held[name].link
             return next((one for one in truth.attached() if link in truth.holders(one)), name)
-        if name not in belief.names() or name in belief.state.away or any(name in j.bodies for j in truth.scene.joints):
+        if name in belief.state.away:  # handed to somebody
+            taken = [one for one in names if truth.taken(one) is not None and self._is_alike(one, name)]
+            return taken[0] if taken and name not in taken else name
+        if name not in belief.names() or any(name in joint.bodies for joint in truth.scene.joints):
             return name
         pose = self._scene.world.pose(name)
         if name in names and truth.pose(name).distance(pose) <= SAME_PLACE:

@@ -171,8 +171,8 @@ class Served:
         return f"{self.seed:3d} {marked}: {said}; delivered: {', '.join(self.delivered) or 'nothing'}{wrong}"
 
 
-def served(seed: int, folder: Path) -> Served:
-    """Write a world into a folder, and serve bottle1 in it."""
+def written(seed: int, folder: Path) -> RunOptions:
+    """Write a world into a folder; return the options of a run that serves bottle1 in it."""
     rng, is_marked = np.random.default_rng([45, seed]), seed % 2 == 0
     marks = {
         name: f', knowrob:markOfObject "{mark}"' if is_marked else "" for name, mark in zip("123", MARKED, strict=True)
@@ -192,7 +192,7 @@ def served(seed: int, folder: Path) -> Served:
         [{"thing": name, "property": "translation", "value": at} for name, at in moved] if rng.random() < 0.6 else []
     )
     (folder / "swapped.json").write_text(json.dumps(changes))
-    options = RunOptions(
+    return RunOptions(
         recipe=bundled("recipes") / "serve_a_drink.omn",
         robot=bundled("ontologies") / "robots" / "amigo.omn",
         environment=folder / "alike.omn",
@@ -200,7 +200,11 @@ def served(seed: int, folder: Path) -> Served:
         ontologies=[folder],
         goal=["bottle1 held by patient1"],
     )
-    result = run_plan_file(options)
+
+
+def served(seed: int, folder: Path) -> Served:
+    """Serve bottle1 in a world that is written into a folder."""
+    is_marked, result = seed % 2 == 0, run_plan_file(written(seed, folder))
     delivered = tuple(line.partition(":")[0] for line in result.final_state if line.endswith("held by patient1"))
     is_wrong = is_marked and any(name != "bottle1" for name in delivered)
     return Served(seed, is_marked, result.outcome.name == "DONE", delivered, is_wrong, result.message)
