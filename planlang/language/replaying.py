@@ -225,9 +225,14 @@ class _Work:
     async def _acquire(self, line: Line) -> None:
         scheduler, task = here()
         self._arbiter = scheduler.service(Arbiter)
-        lease = Lease(self._arbiter, scheduler, task, _lease_key(line)[1], holding())
+        lease = Lease(self._arbiter, scheduler, task, _lease_key(line)[1], self._around(line.path))
         await self._arbiter.acquire(lease)
         self._leases[_lease_key(line)] = lease
+
+    def _around(self, path: str | None) -> Lease | None:
+        """Find the innermost lease around a record: of a request inside this one, or that of this one."""
+        around = [key for key in self._leases if path is not None and path.startswith(f"{key[0]}/")]
+        return self._leases[max(around, key=lambda key: len(str(key[0])))] if around else holding()
 
     def release(self) -> None:
         """Release the resources that are still held."""

@@ -192,3 +192,17 @@ def test_inner_actions_are_no_steps_behind_which_a_run_resumes_and_replay_equal(
         cut.events[:] = whole.trace.events[:number]
         again = run_plan(through_the_door, script=SCRIPT, resume=cut)
         assert [one for one in again.trace.events if one["event"] != "resumed"] == whole.trace.events
+
+
+def test_requests_inside_of_requests_that_lend_them_the_same_resource_are_replayed(executive: Any, module: Any) -> None:
+    async def tidies(asked: Action) -> None:
+        await perform(OPEN)
+
+    executive.extra.append(module("door", ("OpeningADoor",), opens, needs=("base", "right_arm")))
+    executive.extra.append(module("tidying", ("Tidying",), tidies, needs=("base", "right_arm")))
+
+    async def tidy() -> None:
+        await perform(action("Tidying"))
+
+    ended = run_plan(tidy, executive=executive, resumable=True)
+    assert replay(tidy, ended).equal
