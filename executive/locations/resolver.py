@@ -128,11 +128,9 @@ class Resolver:
         def search() -> Iterator[Solution]:
             return self._reported(location, self._bases(location, self._question(location)))
 
-        def begun() -> Replayable[Solution]:
+        if question not in answers:
             self.count.begin(location)
-            return Replayable(search)
-
-        return iter(answers.of(question, begun))
+        return iter(answers.of(question, lambda: Replayable(search)))
 
     def _reported(self, location: Location, found: Iterator[Solution]) -> Iterator[Solution]:
         """Report a search for base poses while it works on the next one."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+import executive.runs.allowance as allowances
 from executive.locations.search_count import SEARCHES, SearchCount
 from executive.options.running import RunSettings
 from executive.runs.allowance import Allowance
@@ -63,8 +64,14 @@ def test_one_search_too_many_says_what_was_searched_for_last() -> None:
     assert count.used == 3
 
 
-def test_a_run_without_searches_or_attempts_left_gives_up_and_is_repeated_exactly(tmp_path: Path) -> None:
+def test_a_run_without_searches_left_puts_down_what_it_holds_gives_up_and_is_repeated_exactly(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(allowances, "MOST_SEARCHES", 1)
+    monkeypatch.setattr(allowances, "SEARCHES_PER_STEP", 0)
     trace = tmp_path / "run.jsonl"
-    ended = invoke("run", "serve_a_drink", "--patience", "0.1", "--fault", "arm:stalls@always", "--trace", trace)
-    assert "X043" in ended.output, ended.output
+    ended = invoke("run", "serve_a_drink", "--trace", trace)
+    assert f"1 {SEARCHES} are used up, the last for in_reach_of(bottle1)" in ended.output, ended.output
+    assert "bottle1 was put down on" in ended.output
+    assert "X043" in ended.output
     assert "equal to the end" in invoke("replay", trace).stdout
