@@ -12,10 +12,8 @@ from executive.locations.hand_predicates import Stage as SearchStage
 from executive.locations.hand_predicates import candidates_of
 from executive.locations.rejections import Rejections
 from planlang import Recovery, perform, put_down_and_regrasp, with_failure_handling
-from planlang.advice import Change
 from planlang.designators import a_location, action, an_object
-from planlang.failure_wording import NO_WAY
-from planlang.failures import HandsFull, LocationUnresolvable, ObjectUndeliverable, PlanFailure
+from planlang.failures import HandsFull, ObjectUndeliverable, PlanFailure
 from planlang.geometry import Pose
 from planlang.testing import Script, run_plan
 from sim import Body
@@ -84,16 +82,6 @@ def test_what_cannot_be_delivered_is_put_down_grasped_again_and_delivered() -> N
     run = run_plan(failing(ObjectUndeliverable()))
     assert run.failure is None
     assert (run.attempts("SettingAsideAnObject"), run.attempts("ClosingAGripper")) == (1, 2)
-
-
-def test_nothing_is_put_down_for_another_grip_where_somebody_stands_in_the_only_way() -> None:
-    away = Change("absent", True, "person1")
-    shut_off = LocationUnresolvable(counts={NO_WAY: 9}, changes=(away,))
-    failure = ObjectUndeliverable()
-    failure.__cause__ = shut_off
-    run = run_plan(failing(failure))
-    assert isinstance(run.failure, ObjectUndeliverable)
-    assert (run.attempts("SettingAsideAnObject"), run.attempts("ClosingAGripper")) == (0, 1)
 
 
 def test_where_no_hand_is_free_for_a_thing_what_one_holds_is_put_down_and_not_taken_again() -> None:

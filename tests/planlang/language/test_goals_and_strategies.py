@@ -39,12 +39,15 @@ from planlang import (
 )
 from planlang import evaporate as evaporate_task
 from planlang import recoveries as strategies
+from planlang.advice import Change
 from planlang.designators import located
+from planlang.failure_wording import NO_WAY
 from planlang.failures import (
     BranchEvaporated,
     GoalNotAchieved,
     GraspMissed,
     HandsFull,
+    LocationUnresolvable,
     ObjectLost,
     ObjectNotFound,
     ObjectNowhereToBeFound,
@@ -310,6 +313,18 @@ def test_a_thing_that_is_not_held_is_not_put_down(executive: Any, module: Any) -
     setting_aside(executive, module)
     with pytest.raises(ObjectUnreachable):
         regrasping(executive, ObjectUnreachable(what="place"))
+    assert executive.log == ["body"]
+
+
+def test_nothing_is_put_down_for_another_grip_where_somebody_stands_in_the_only_way(
+    executive: Any, module: Any
+) -> None:
+    setting_aside(executive, module)
+    executive.facts["holding(bottle1)"] = True
+    failure = ObjectUnreachable(what="place")
+    failure.__cause__ = LocationUnresolvable(counts={NO_WAY: 9}, changes=(Change("absent", True, "person1"),))
+    with failing(ObjectUnreachable, what="place"):
+        regrasping(executive, failure)
     assert executive.log == ["body"]
 
 

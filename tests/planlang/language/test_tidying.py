@@ -13,7 +13,7 @@ from planlang.designators import Condition, FixedPose, Object, action, an_object
 from planlang.failures import BehindClosedDoor, ContainerStuck, ObjectUnreachable, PlanFailure
 from planlang.language.loading import load_plan
 from planlang.language.recovery import without_recoveries
-from planlang.language.tidying import tidied
+from planlang.language.tidying import passed, tidied
 from planlang.testing import Script, run_plan
 
 CUP = an_object("Cup", "http://example.org/#cup1")
@@ -79,6 +79,11 @@ def test_a_door_that_cannot_be_closed_from_its_other_side_is_tried_again_after_t
     run = run_plan(fetching(ONE), script=script().on(CLOSE, fails=ContainerStuck))
     assert run.failure is None
     assert (run.attempts(CLOSE), run.attempts(AGAIN)) == (1, 1)
+
+
+def test_a_door_through_which_a_search_may_come_back_is_closed_after_the_plan() -> None:
+    run = run_plan(lambda: tidied(lambda: passed(ONE, None)), script=script())
+    assert (run.attempts(CLOSE), run.attempts(AGAIN)) == (0, 1)
 
 
 def test_a_door_that_was_open_before_is_left_open() -> None:
