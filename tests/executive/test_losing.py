@@ -113,6 +113,17 @@ def test_an_offer_of_a_thing_that_slips_ends_at_once(holding_stage: Stage, monke
     assert lost(holding_stage, partial(perform, offer), monkeypatch).what == "bottle"
 
 
+def test_a_wait_with_a_thing_that_slips_ends_at_once(holding_stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    wait = action("Waiting", duration=20.0)
+    assert lost(holding_stage, partial(perform, wait), monkeypatch).what == "bottle"
+
+
+def test_a_wait_with_a_thing_that_stays_in_the_hand_lasts_as_long_as_stated(holding_stage: Stage) -> None:
+    before = holding_stage.truth.steps
+    holding_stage.run(partial(perform, action("Waiting", duration=2.0)))
+    assert holding_stage.truth.steps - before == 2 * holding_stage.truth.rate
+
+
 def test_only_the_strand_that_uses_the_hand_fails(holding_stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     left = holding_stage.executive._device("left")
     log: list[str] = []
