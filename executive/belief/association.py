@@ -226,8 +226,8 @@ class Associator:
             return LEAF_GATE
         memory = self._belief.memory
         known = memory.known.get(name)
-        if known is None or known.source in (Source.MAP, Source.TOLD):
-            return MAP_GATE
+        if known is None or known.source in (Source.MAP, Source.TOLD) or name in self._belief.state.away:
+            return MAP_GATE  # what a person has taken is wherever that puts it
         gate = SEEN_GATE if known.source is Source.SEEN else ACTED_GATE
         return min(gate + DRIFT * max(0.0, memory.time - known.time), MAP_GATE)
 

@@ -360,8 +360,9 @@ class Belief(KnownThings):
         self._changed("grip refused", name=name)
 
     def lost(self, name: str, pose: Pose) -> None:
-        """Record that an object has slipped out of the hand; it is assumed to have fallen to ``pose``."""
-        self.memory = self.memory.dropping(name, self.held[name].arms)
+        """Record that an object is no longer in a hand of the robot, or of who took it, but has fallen, to ``pose``."""
+        self.memory = self.memory.dropping(name, self.held[name].arms if name in self.held else ())
+        self._become(away=self.state.away - {name})
         self._came_down(name, pose)
         self._changed("lost", name=name, pose=pose)
 

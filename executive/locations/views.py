@@ -90,13 +90,33 @@ def hiding(eye: Array, points: Array, ends: Array, at_surface: NDArray[np.bool_]
     The picture's lines of sight end at ``ends`` (m, 3), on a surface where ``at_surface`` (m,). The second array (k, 3)
     holds those ends in front of hidden points.
     """
-    lines, away = ends - eye, points - eye
-    line_lengths, distances = np.linalg.norm(lines, axis=1), np.linalg.norm(away, axis=1)
-    cosines = (away / np.maximum(distances, 1e-9)[:, None]) @ (lines / np.maximum(line_lengths, 1e-9)[:, None]).T
-    nearest = cosines.argmax(axis=1)
-    is_shown = cosines[np.arange(len(points)), nearest] >= np.cos(PIXEL)
-    hides = is_shown & at_surface[nearest] & (line_lengths[nearest] < distances - BEFORE)
+    nearest, cosines, lengths, distances = _nearest_lines(eye, points, ends)
+    hides = (cosines >= np.cos(PIXEL)) & at_surface[nearest] & (lengths < distances - BEFORE)
     return hides, ends[nearest[hides]]
+
+
+def passed(eye: Array, points: Array, ends: Array, within: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Find which points (n, 3) a depth picture taken at ``eye`` (3,) shows, and at which of them nothing is, (n,) each.
+
+    The picture's lines of sight end at ``ends`` (m, 3). One shows a point if it goes by ``within`` a distance [m], and
+    ends no nearer; nothing is there if it goes on behind it.
+    """
+    _, cosines, lengths, distances = _nearest_lines(eye, points, ends)
+    sines = np.sqrt(np.clip(1.0 - cosines**2, 0.0, 1.0))
+    shown = (distances * sines <= within) & (lengths >= distances - BEFORE)
+    return shown, shown & (lengths > distances + BEFORE)
+
+
+def _nearest_lines(eye: Array, points: Array, ends: Array) -> tuple[NDArray[np.intp], Array, Array, Array]:
+    """Find the line of sight nearest to each of n points: its number, the cosine of the angle to it, and its length.
+
+    And the distances of the points from the eye; (n,) each.
+    """
+    lines, away = ends - eye, points - eye
+    lengths, distances = np.linalg.norm(lines, axis=1), np.linalg.norm(away, axis=1)
+    cosines = (away / np.maximum(distances, 1e-9)[:, None]) @ (lines / np.maximum(lengths, 1e-9)[:, None]).T
+    nearest = cosines.argmax(axis=1)
+    return nearest, cosines[np.arange(len(points)), nearest], lengths[nearest], distances
 
 
 def _crossed(starts: Array, ends: Array, screens: Array) -> NDArray[np.bool_]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import suppress
 from copy import copy
@@ -18,7 +17,7 @@ from executive.belief.estimates import Estimate
 from executive.belief.obstacles import EDGE, NAMES, behind
 from executive.belief.planning_scene import SEEN_SHARE, PlanningScene
 from executive.belief.scene_collisions import BasePose, pinched
-from executive.locations.views import NO_SCREENS, hiding
+from executive.locations.views import FRAME, NO_SCREENS, hiding, passed
 from executive.modules.flowing import Flowing
 from executive.modules.motion_failures import ARRIVED, failure_of
 from executive.modules.out_of_arms import out_of_arms
@@ -193,9 +192,11 @@ class Control:
     def below(self, name: str) -> Pose:
         """Predict the pose at which a body comes to rest when it leaves the hand, where that is by now."""
         self.observe()
-        believed = self.scene.world.pose(name)
+        state = self.belief.state
+        world = self.scene.mirror.at(replace(state, away=state.away - {name}) if name in state.away else state)
+        believed = world.pose(name)
         x, y, z = believed.position
-        drop = self.scene.world.height_above_support(name)
+        drop = world.height_above_support(name)
         # A body above nothing, or above the void beside a map, is believed to lie on the floor.
         return Pose((x, y, z - drop if drop < z else 0.0), believed.orientation)
 
@@ -244,7 +245,7 @@ class Sensing:
             raise
         if np.abs(control.joints(gaze.joints) - neck).max() <= ARRIVED:
             belief.neck_arrived()
-        elif self._misses(point) > camera.half_angle:
+        elif not self.frames(point, 1.0):
             message = f"the neck stopped before the camera pointed at {name}"
             raise self._neck_failed(LookingFailure(message, what=name))
 
@@ -256,14 +257,18 @@ class Sensing:
             failure.message = f"the neck is stuck: {failure}"
         return failure
 
-    def _misses(self, point: Array) -> float:
-        """Compute by how much the camera, as it is, misses a map point (3,) [rad]; infinity without one."""
+    def frames(self, point: Array, share: float = FRAME) -> bool:
+        """Check whether the camera, as it is, has a map point (3,) within a share of its half angle; False without one.
+
+        By default such that a thing there fits the picture.
+        """
         camera = self._control.robot.camera
         if camera is None:
-            return math.inf
+            return False
         pose = self._control.world.link_pose(camera.link)
         axis, arrow = rotated(pose.rotation, np.asarray(camera.forward, float)), point - np.array(pose.position)
-        return float(np.arccos(np.clip(axis @ arrow / max(float(np.linalg.norm(arrow)), 1e-9), -1.0, 1.0)))
+        missed = float(np.arccos(np.clip(axis @ arrow / max(float(np.linalg.norm(arrow)), 1e-9), -1.0, 1.0)))
+        return missed <= share * camera.half_angle
 
     async def shows(self, points: Iterable[Array], name: str, is_seen: Callable[[tuple[str, ...]], bool]) -> bool:
         """Look at points (3,) of the map, one after the other, until an image shows what is looked for.
@@ -357,6 +362,18 @@ class Sensing:
             return np.zeros(len(points), bool), NO_SCREENS
         eye = np.array(control.world.link_pose(camera.link).position)
         return hiding(eye, points, *control.world.scan(camera.link))
+
+    def seen_through(self, points: Array, within: float) -> float:
+        """Take a depth image and compute at which share of the points (n, 3) that it shows nothing is.
+
+        0 if it shows none. ``within``: distance from a point at which a line of sight counts as through it [m].
+        """
+        control, camera = self._control, self._control.robot.camera
+        if camera is None:
+            return 0.0
+        eye = np.array(control.world.link_pose(camera.link).position)
+        shown, empty = passed(eye, points, control.world.scan(camera.link)[0], within)
+        return float(empty.sum() / max(shown.sum(), 1))
 
     async def _look_over(self, point: Array) -> None:
         """Look at a touched map point (3,), or as low above it as the neck can bend."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 
+from executive.modules.looking.verifying import begin_to_watch, check_is_in_hand
 from executive.modules.platform import PlatformModule
 from executive.robots.arms import ArmModel
 from planlang.designators import (
@@ -127,13 +128,15 @@ class Handover(PlatformModule):
     failures = (CommunicationFailure, GripperFailure, ObjectLost, DesignatorFailure)
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the arm that holds the object."""
-        return tuple(arm.name for arm in self.platform.arms.with_stated(action)[:1])
+        """Return the arm that holds the object, and the head, which looks at what becomes of it."""
+        arms = tuple(arm.name for arm in self.platform.arms.with_stated(action)[:1])
+        return arms if self.platform.robot.camera is None else (*arms, "head")
 
     async def execute(self, action: Action) -> str:
         """Hand over ``object_acted_on`` (default: any held object); return the name of the person who took it.
 
-        Raises HandoverNotTaken if nobody, or another person, pulls at it.
+        Raises HandoverNotTaken if nobody, or another person, pulls at it, and ObjectLost if the camera shows that the
+        person has not kept it.
         """
         arms = self.platform.arms.with_stated(action)
         if not arms:
@@ -143,6 +146,7 @@ class Handover(PlatformModule):
         assert held is not None
         recipient = action.get("recipient")
         stated = str(recipient) if isinstance(recipient, Person) else None
+        begin_to_watch(platform, held.name)
         if not await platform.hands.offer(arm, held.name, PATIENCE):
             raise HandoverNotTaken(what=held.name, recipient=stated)
         expected = platform.scene.bodies.bind(recipient) if isinstance(recipient, Person) else None
@@ -154,6 +158,8 @@ class Handover(PlatformModule):
         await platform.hands.release((arm, *mates), held.name, lambda _: (), to=person)
         if not mates:
             await self._draw_back(arm, held.name)
+        await platform.hands.settled(held.name)
+        await check_is_in_hand(platform, held.name, person)
         return person
 
     async def _draw_back(self, arm: ArmModel, name: str) -> None:

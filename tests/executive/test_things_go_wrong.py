@@ -23,7 +23,15 @@ def happened(run: planlang.RunResult) -> list[str]:
 
 @pytest.mark.parametrize(
     "fault",
-    ["gripper:misses", "gripper:stays_closed", "arm:stalls@2", "base:blocked", "camera:blind", "person:refuses"],
+    [
+        "gripper:misses",
+        "gripper:stays_closed",
+        "arm:stalls@2",
+        "base:blocked",
+        "camera:blind",
+        "person:refuses",
+        "person:lets_go",
+    ],
 )
 def test_a_drink_is_served_though_something_goes_wrong(fault: str) -> None:
     run = planlang.simulate("serve_a_drink", fault=fault)

@@ -10,8 +10,9 @@ import pytest
 
 from planlang import perform
 from planlang.designators import Location, a_location, a_person, action
-from planlang.failures import ActionUnresolvable, GripperGoalNotReached, HandoverNotTaken
+from planlang.failures import ActionUnresolvable, GripperGoalNotReached, HandoverNotTaken, ObjectLost
 from planlang.geometry import Pose
+from sim import Body
 from sim.truth import held_by
 from tests.executive.conftest import (
     BOTTLE,
@@ -24,7 +25,8 @@ from tests.executive.conftest import (
     hold_bottle,
     stand,
 )
-from tests.support.failing_robots import ClosedFingers
+from tests.support.detections import recognise
+from tests.support.failing_robots import ClosedFingers, Decorated
 
 OFFERED = a_location(in_reach_of=a_person("Patient"))
 HAND_OVER = action("HandingOverAnObject", object_acted_on=THE_BOTTLE, recipient=a_person("Patient"))
@@ -136,3 +138,73 @@ def test_what_a_person_has_taken_is_out_of_the_planning_world(ward: Stage) -> No
     hand_over(ward)
     ward.platform.observe()
     assert "bottle" not in ward.planning.names()
+
+
+class Dropped(Decorated):
+    """What this robot lets go of, the person lets fall at once, or it is at a ``pose`` then."""
+
+    def __init__(self, stage: Stage, pose: Pose | None = None) -> None:
+        super().__init__(stage.truth)
+        self._truth, self._pose = stage.truth, pose
+
+    def loosen(self, link: str) -> None:
+        """Let go of the bottle, which somebody has taken."""
+        self._truth.loosen(link)
+        self._truth.set_pose("bottle", self._pose or self._truth.pose("bottle"))
+        if self._pose is None:
+            self._truth.gravity.begin("bottle")
+
+
+def test_a_robot_sees_that_a_person_has_not_kept_what_it_has_let_go_of(ward: Stage) -> None:
+    offer(ward, "right")
+    ward.platform.world = Dropped(ward)  # type: ignore[assignment]
+    with pytest.raises(ObjectLost, match="bottle is no longer held by patient") as caught:
+        hand_over(ward)
+    assert caught.value.what == "bottle"
+    assert "bottle" in ward.planning.names(), "where it lies, hands do not go through it"
+    assert ward.belief.pose("bottle").distance(ward.truth.pose("bottle")) < 0.05
+
+
+def test_a_robot_sees_through_where_a_person_should_hold_what_is_nowhere_in_sight(ward: Stage) -> None:
+    offer(ward, "right")
+    offered = ward.planning.pose("bottle").position[2]
+    ward.platform.world = Dropped(ward, Pose((4.0, 4.0, 0.1)))  # type: ignore[assignment]
+    with pytest.raises(ObjectLost, match=r"bottle is no longer held by patient$"):
+        hand_over(ward)
+    assert ward.belief.pose("bottle").position[2] < offered - 0.1, "it is believed to have fallen"
+
+
+def test_a_robot_that_looks_elsewhere_turns_its_neck_to_what_it_hands_over(ward: Stage) -> None:
+    offer(ward, "right")
+    point = np.array(ward.planning.pose("bottle").position)
+    ward.run(lambda: ward.platform.sensing.look_at(np.array([0.0, 3.0, 1.0]), "the wall"))
+    assert not ward.platform.sensing.frames(point, 1.0)
+    hand_over(ward)
+    assert ward.platform.sensing.frames(point, 1.0)
+
+
+def test_what_hides_a_person_who_has_taken_something_is_no_failure(make_stage: MakeStage) -> None:
+    screen = Body("screen", Pose((4.0, 4.0, 1.0)), (0.3, 0.3, 0.3), type="Box-Container", movable=True)
+    stage = make_stage(*WARD, screen)
+    offer(stage, "right")
+    eye = np.array(stage.truth.link_pose(stage.platform.robot.body().camera.link).position)
+    before = tuple((0.5 * (eye + np.array(stage.truth.pose("bottle").position))).tolist())
+
+    class Hidden(Dropped):
+        """The screen appears before the camera as the bottle falls."""
+
+        def loosen(self, link: str) -> None:
+            """Let go of the bottle, and hide it."""
+            super().loosen(link)
+            self._truth.set_pose("screen", Pose(before))
+
+    stage.platform.world = Hidden(stage, Pose((4.0, -4.0, 0.1)))  # type: ignore[assignment]
+    assert hand_over(stage) == "patient"
+
+
+def test_a_robot_without_a_camera_believes_that_what_was_taken_was_kept(make_blind: MakeStage) -> None:
+    stage = make_blind(*WARD)
+    recognise(stage.belief, "patient", PATIENT.pose)
+    offer(stage, "right")
+    stage.platform.world = Dropped(stage)  # type: ignore[assignment]
+    assert hand_over(stage) == "patient"
