@@ -3,12 +3,12 @@
 A fault is *carried* by what the robot reads: the driver that reports the end of a motion, the fingers after they have
 closed, a contact, a picture. A person who does not take what is offered, and a thing that is recognised where there is
 none, are carried by no reading that differs from that of a world without the fault. It is *noticed* with the first
-failure, recovery, or change of belief that tells of it.
+failure, recovery, or change of belief that tells of it, and that the same world has not without the fault.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
@@ -17,7 +17,7 @@ from executive.runs.assembly import RobotExecutive
 from executive.runs.identity import Identities
 from planlang.faults.kinds import Kind, Sense, kind_of
 from planlang.geometry import Pose
-from planlang.protocols import Detection, Group, MotionState, RobotInterface, Trajectory
+from planlang.protocols import Detection, Group, GroupKind, MotionState, RobotInterface, Trajectory
 from sim import PyBulletWorld
 from sim.truth import Truth
 
@@ -92,7 +92,8 @@ class Senses:
     _executive: RobotExecutive | None = None
     _robot: RobotInterface | None = None
     _group: str | None = None
-    _groups: set[str] = field(default_factory=set)
+    _moving: set[str] = field(default_factory=set)
+    """Groups that have moved in the step before."""
     _vain: dict[str, int] = field(default_factory=dict)
 
     def around(self, executive: RobotExecutive) -> None:
@@ -122,17 +123,20 @@ class Senses:
         """See the world after a step."""
         self._truth = truth
         self._check_held(truth)
+        states = {} if self._robot is None else {group: self._robot.motion(group).state for group in self._moving}
+        self._moving -= {group for group, state in states.items() if state is not MotionState.MOVING}
+        stopped = {
+            group for group, state in states.items() if state is MotionState.BLOCKED and not _is_of_fingers(group)
+        }
         waiting = [one for one in self.happened if one.carried is None]
-        if not waiting or self._robot is None:
-            return
-        states = {group: self._robot.motion(group).state for group in sorted(self._groups)}
-        is_stopped = MotionState.BLOCKED in states.values()
         for one in waiting:
             match carried_by(one.kind):
                 case Carried.AT_THE_END:
-                    is_carried = states.get(one.group or "") is not MotionState.MOVING
-                case Carried.IN_THE_WAY | Carried.IN_A_PICTURE:
-                    is_carried = is_stopped
+                    is_carried = one.group not in self._moving
+                case Carried.IN_THE_WAY:
+                    is_carried = one.group in stopped
+                case Carried.IN_A_PICTURE:
+                    is_carried = bool(stopped)
                 case _:
                     is_carried = False
             if is_carried:
@@ -142,7 +146,7 @@ class Senses:
         """A motion of a group begins; None: it has begun."""
         self._group = group
         if group is not None:
-            self._groups.add(group)
+            self._moving.add(group)
 
     def sees(self, picture: Sequence[Detection]) -> None:
         """The robot has taken a picture."""
@@ -187,11 +191,18 @@ class Senses:
         identities = Identities(truth, platform.scene)
         return [name for name in platform.belief.held if identities.of(name) not in truth.attached()]
 
-    def row(self, trace: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-        """What has become of each fault, as JSON; ``trace`` are the records of the run."""
+    def row(
+        self, trace: Sequence[Mapping[str, Any]], without: Sequence[Mapping[str, Any]] = ()
+    ) -> list[dict[str, Any]]:
+        """What has become of each fault, as JSON.
+
+        ``trace`` are the records of the run, ``without`` those of the same world without the fault.
+        """
         rate = next(record["rate"] for record in trace if record["event"] == "header")
         starts = [number for number, record in enumerate(trace) if record["event"] == "fault"]
-        return [_row(one, trace[start + 1 :], rate) for one, start in zip(self.happened, starts, strict=True)]
+        usual = set(map(_key, without))
+        after = ([record for record in trace[start + 1 :] if _key(record) not in usual] for start in starts)
+        return [_row(one, records, rate) for one, records in zip(self.happened, after, strict=True)]
 
 
 class _Heard:
@@ -232,6 +243,16 @@ def _row(one: Happened, after: Sequence[Mapping[str, Any]], rate: int) -> dict[s
         "noticed": None if noticed is None else round(noticed / rate, 2),
         "failure": [] if failed is None else list(chain_of(failed["failure"])),
     }
+
+
+def _is_of_fingers(group: str) -> bool:
+    return Group.of(group).kind is GroupKind.FINGERS
+
+
+def _key(record: Mapping[str, Any]) -> Hashable:
+    """What two runs have in common if they have the same record."""
+    names = (record.get(key) for key in ("step", "event", "name", "change", "status", "decision"))
+    return *names, *chain_of(record.get("failure"))
 
 
 def _has_failed(record: Mapping[str, Any]) -> bool:

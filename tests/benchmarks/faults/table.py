@@ -68,7 +68,7 @@ def _rate(rows: Sequence[Row]) -> list[str]:
 # Kinds
 
 KIND_HEAD = (
-    "fault", "task", "happened", "recovered", "noticed within 1 s", "not sensed", "noticed after [s]",
+    "fault", "task", "happened", "recovered", "noticed within 1 s", "harmless", "not sensed", "noticed after [s]",
     "named when noticed", "named at the end", "false successes", "in vain held", "mute",
 )  # fmt: skip
 
@@ -86,6 +86,7 @@ def _kind(rows: Sequence[Row]) -> list[str]:
         f"{len(fired)} of {len(rows)}",
         share(count(fired, is_reached), len(fired)),
         share(count(sensed, is_soon), len(sensed)),
+        str(sum(count(row["faults"], is_unnoticed) for row in fired if is_reached(row))),
         str(len(found) - len(sensed)),
         f"{median(times):.1f}" if times else "-",
         share(count(told, is_named), len(told)),
@@ -102,19 +103,21 @@ def _totals(rows: Sequence[Row]) -> Iterator[str]:
     whole = [row for row in rows if not row.get("bare")]
     stated = [row for row in whole if row.get("kind") is not None and row.get("faults")]
     fired = [row for row in whole if row.get("faults")]
-    found = [one for row in fired for one in row["faults"]]
+    found = [one for row in stated for one in row["faults"]]
     sensed = [one for one in found if one["carried"] is not None]
     told = [one for one in found if one["failure"]]
     failed = [row for row in fired if row.get("failure")]
     yield "With recoveries, over all worlds:"
     yield ""
     if stated:
+        harmless = sum(count(row["faults"], is_unnoticed) for row in stated if is_reached(row))
         yield f"* recovered from a stated fault that happened: {share(count(stated, is_reached), len(stated))}"
+        yield (
+            f"* noticed within 1 s of what a sense carries: {share(count(sensed, is_soon), len(sensed))}; "
+            f"{harmless} were not noticed, and did no harm; no sense carried {len(found) - len(sensed)} of {len(found)}"
+        )
+        yield f"* named by the first failure after it: {share(count(told, is_named), len(told))}"
     yield f"* reached although something went wrong: {share(count(fired, is_reached), len(fired))}"
-    yield f"* noticed within 1 s of what a sense carries: {share(count(sensed, is_soon), len(sensed))}; " + (
-        f"no sense carried {len(found) - len(sensed)} of {len(found)} faults"
-    )
-    yield f"* named by the first failure after it: {share(count(told, is_named), len(told))}"
     yield f"* named by the failure that ends the run: {share(count(failed, is_cause_named), len(failed))}"
     yield f"* false successes: {share(count(whole, is_false), len(whole))}"
     yield f"* said to be held, and was not: {share(count(whole, is_held_in_vain), len(whole))}"
@@ -161,6 +164,11 @@ def is_soon(fault: Mapping[str, Any]) -> bool:
     """Check whether a fault was noticed within a second after a sense carried it."""
     noticed, carried = fault["noticed"], fault["carried"]
     return noticed is not None and carried is not None and noticed - carried <= SOON
+
+
+def is_unnoticed(fault: Mapping[str, Any]) -> bool:
+    """Check whether a sense carried a fault, and nothing shows that it was noticed."""
+    return fault["carried"] is not None and fault["noticed"] is None
 
 
 def is_named(fault: Mapping[str, Any]) -> bool:

@@ -117,15 +117,21 @@ def test_a_kind_counts_what_was_recovered_noticed_and_named_where_it_happened():
         row(3, faults=[]),
     ]
     found = cells(rows, "| `door:stuck`")
-    assert found[1:6] == ["fetch", "2 of 3", "1 of 2 (9 to 91 %)", "1 of 2 (9 to 91 %)", "0"]
-    assert found[7:9] == ["1 of 2 (9 to 91 %)", "0 of 1 (0 to 79 %)"]
+    assert found[1:7] == ["fetch", "2 of 3", "1 of 2 (9 to 91 %)", "1 of 2 (9 to 91 %)", "0", "0"]
+    assert found[8:10] == ["1 of 2 (9 to 91 %)", "0 of 1 (0 to 79 %)"]
     assert any(line.startswith("| another cause named | fetch: door:stuck |") for line in tables(rows))
 
 
 def test_what_no_sense_carries_is_counted_apart():
     fault = {"kind": "person:refuses", "time": 1.0, "carried": None, "noticed": 17.0, "failure": ["HandoverNotTaken"]}
     found = cells([row(1, kind="person:refuses", faults=[fault])], "| `person:refuses`")
-    assert found[4:7] == ["-", "1", "16.0"]
+    assert found[4:8] == ["-", "0", "1", "16.0"]
+
+
+def test_what_was_not_noticed_and_did_no_harm_is_counted():
+    fault = {"kind": "door:stuck", "time": 1.0, "carried": 1.0, "noticed": None, "failure": []}
+    failed = row(2, faults=[fault], claimed=False, reached=False, outcome="failed", failure=["ObjectNotFound"])
+    assert cells([row(1, faults=[fault]), failed], "| `door:stuck`")[4:6] == ["0 of 2 (0 to 66 %)", "1"]
 
 
 def test_false_successes_things_held_in_vain_and_mute_runs_are_listed_with_their_commands():
