@@ -10,7 +10,7 @@ from typing import Any
 
 from planlang.closure import grouped
 from planlang.failures import LocationUnresolvable, MissingCapability
-from planlang.report.tree import event_text, is_origin, shown
+from planlang.report.tree import event_text, in_words, is_origin, shown
 from planlang.report.wording import Wording, duration
 from planlang.runs.codec import load_failure
 from planlang.runs.run_tree import Happened, RunTree, TaskNode
@@ -52,7 +52,8 @@ class Failures:
         # that started the search, or that was made of the error, says more
         told = [link for link in chain if "where" in link] or chain
         plain = [link for link in told if link["type"] != LocationUnresolvable.__name__] or told
-        return {"headline": advice[0] if advice else plain[-1]["message"] or plain[-1]["type"], "chain": chain}
+        headline = advice[0] if advice else plain[-1]["message"] or plain[-1]["type"]
+        return {"headline": in_words(str(headline)), "chain": chain}
 
     def _link(self, failure: Mapping[str, Any]) -> dict[str, Any]:
         message, where = str(failure["message"]), str(failure.get("where", ""))

@@ -7,7 +7,7 @@ from typing import Any
 
 from planlang.object_changes import state_word
 from planlang.report.failures import Failures
-from planlang.report.tree import in_words, is_origin, pose_text, shown
+from planlang.report.tree import is_origin, pose_text, shown
 from planlang.report.wording import Wording, duration
 from planlang.runs.run_tree import CLOSED, DECISIONS, Happened, RunTree, TaskNode
 
@@ -89,7 +89,7 @@ def _ends(root: TaskNode, wording: Wording, failures: Failures, end: float) -> I
         case "succeeded":
             text = f"The plan is done after {time:.1f} s."
         case "failed":
-            text = f"The plan fails after {time:.1f} s: {in_words(failures.lowered(root))}."
+            text = f"The plan fails after {time:.1f} s: {failures.lowered(root)}."
         case "running":
             text = "The trace ends here, before the plan does."
         case _:
@@ -121,7 +121,7 @@ def _steps(node: TaskNode, wording: Wording, failures: Failures) -> Iterator[_Pl
             yield node.first, [round(node.start or 0.0, 4), node.number, text, mood]
     if node.failure is not None and node.parent is not None and (node.kind == "perform" or _is_bare(node)):
         name = "the search for a place" if node.kind == "at_location" else wording.of(node)
-        why = _sentence(f"{name}{_FAILS}{in_words(failures.lowered(node))}")
+        why = _sentence(f"{name}{_FAILS}{failures.lowered(node)}")
         yield node.last, [round(node.end or 0.0, 4), node.number, why, "cause"]
 
 

@@ -147,6 +147,14 @@ def test_relations_of_an_action_are_told_in_words() -> None:
     assert Wording().of(node) == "hand over (with left, cup1, to child1)"
 
 
+def test_the_headline_of_a_failure_has_relations_in_words() -> None:
+    async def offer() -> None:
+        raise ManipulationPoseUnreachable(what="in_reach_of(anna)", arm="right")
+
+    model = model_of(Told.of(run_plan(offer).events))
+    assert model["failures"][0]["headline"] == "the arm cannot reach the pose: in reach of anna, right arm"
+
+
 def test_steps_that_fail_together_tell_the_reason_once() -> None:
     run = run_plan(compiled("fetch_from_cabinet"), script=Script().on("Reaching", fails=ManipulationPoseUnreachable))
     told = [text for _, _, text, kind in model_of(Told.of(run.events))["story"] if kind == "cause"]
