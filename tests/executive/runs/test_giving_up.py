@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from functools import partial
 
-import pytest
-
 from executive.runs.allowance import Allowance
 from executive.runs.plan_body import body_of
-from planlang import RETRY, NoProgress, PlanFailure, Recovery, RecoveryResult, perform, plan
+from planlang import RETRY, PlanFailure, Recovery, RecoveryResult, perform, plan
 from planlang.designators import action
 from planlang.failures import BudgetExceeded, ManipulationGoalNotReached
 from planlang.testing import Script, run_plan
@@ -26,12 +24,6 @@ def test_a_plan_that_repeats_for_ever_gives_up_after_a_number_of_attempts() -> N
     assert isinstance(run.failure, BudgetExceeded)
     assert run.failure.used == {"with_failure_handling": attempts}
     assert run.attempts("Reaching") == attempts + 1
-
-
-def test_what_is_done_again_without_end_while_no_time_passes_ends_a_run_without_a_budget() -> None:
-    fault = "step.Reaching:fails=ManipulationGoalNotReached@always"
-    with pytest.raises(NoProgress, match="world step 0"):
-        run_plan(reach_in_vain, faults=[fault])
 
 
 def test_a_recovery_that_itself_never_ends_is_ended_by_the_time_of_the_run() -> None:

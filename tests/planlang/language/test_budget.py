@@ -13,6 +13,7 @@ from virtual_time import go
 from planlang import *
 from planlang import (
     RETRY,
+    NoProgress,
     PlanFailure,
     Recovery,
     Return,
@@ -62,6 +63,14 @@ def test_when_the_time_is_used_up_the_body_is_evaporated_with_its_cleanup() -> N
         return now()
 
     assert go(plan) == 3.0
+
+
+def test_what_is_tried_again_without_end_while_no_time_passes_ends_a_run_without_a_budget() -> None:
+    async def fails() -> None:
+        raise GraspMissed
+
+    with pytest.raises(NoProgress, match="world step 0"):
+        go(partial(with_failure_handling, fails, Recovery(GraspMissed, retries=10**9)))
 
 
 def test_what_limits_a_run_passes_a_process_module_that_does_not_declare_it(executive: Any, module: Any) -> None:

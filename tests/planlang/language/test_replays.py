@@ -457,3 +457,14 @@ def test_numbers_that_another_processor_ends_with_other_digits_are_equal(by: flo
     recorded = run_plan(drive, resumable=True).trace.events
     elsewhere = [moved(record, by) if record["event"] in ("started", "ended") else record for record in recorded]
     assert replay(drive, RecordedRun.of(elsewhere)).equal is equal
+
+
+def test_a_step_that_failed_as_stated_fails_again_and_a_damaged_record_of_it_differs() -> None:
+    async def reach() -> None:
+        await perform(action("Reaching"))
+
+    ended = run_plan(reach, faults=["step.Reaching:fails=GraspMissed"], resumable=True)
+    assert replay(reach, ended).equal
+    (fault,) = (one for one in ended.trace.events if one["event"] == "fault")
+    fault["fault"] = "step.Reaching:fails=Nothing"
+    assert not replay(reach, ended).equal

@@ -32,6 +32,7 @@ def test_a_stated_fault_that_did_not_happen_is_an_error() -> None:
         ("gripper:misses", "only steps fail"),
         ("step.Reaching:fails=GraspMised", "did you mean GraspMissed?"),
         ("step.Reaching:fails=GraspMissed@3s-8s", "state a number"),
+        ("step:fails=GraspMissed", "name a step and its failure"),
     ],
 )
 def test_what_cannot_go_wrong_in_a_scripted_run_is_refused(text: str, said: str) -> None:
