@@ -28,6 +28,7 @@ from planlang.language.performing import perform
 from planlang.language.process_module import process_module
 from planlang.ontology import expand, shorten
 from planlang.recoveries import ASIDE
+from sim.joints import Articulation, JointKind
 
 SUPPORTS = 4
 """Pieces of furniture to try, nearest first."""
@@ -114,8 +115,9 @@ class SettingAside(HandWork):
                     yield support, solution.base
 
     def _is_support(self, name: str) -> bool:
-        bodies = self.platform.scene.bodies
+        bodies, joints = self.platform.scene.bodies, self.platform.belief.joints.values()
         is_other = bodies.is_graspable(name) or bodies.is_person(name) or bodies.is_room(name)
+        is_other = is_other or any(name in one.bodies and not _is_drawer(name, one) for one in joints)
         return not is_other and bodies.rests_at(name) is not None and not self._is_taken(name)
 
     def _is_taken(self, name: str) -> bool:
@@ -141,6 +143,11 @@ class SettingAside(HandWork):
         with suppress(ManipulationFailure, DesignatorFailure):
             await perform(action("Reaching", to_location=a_location(in_front_of=what)))
             await perform(action("Reaching", to_location=a_posture(CARRYING)))
+
+
+def _is_drawer(name: str, joint: Articulation) -> bool:
+    """Check whether a part of a leaf is a drawer: doors and handles hold nothing that is put on them."""
+    return name == joint.leaf and joint.kind is JointKind.PRISMATIC and not joint.frame
 
 
 @process_module

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from contextlib import ExitStack
 from dataclasses import replace
 
 import pytest
@@ -12,13 +13,15 @@ from executive.locations.hand_predicates import Stage as SearchStage
 from executive.locations.hand_predicates import candidates_of
 from executive.locations.rejections import Rejections
 from planlang import Recovery, perform, put_down_and_regrasp, with_failure_handling
-from planlang.designators import a_location, action, an_object
+from planlang.designators import Action, a_location, action, an_object
 from planlang.failures import HandsFull, ObjectUndeliverable, PlanFailure
 from planlang.geometry import Pose
+from planlang.kernel import checkpoint
 from planlang.testing import Script, run_plan
 from sim import Body
 from sim.truth import at_rest_on
 from tests.executive.conftest import BED, BOTTLE, CABINET, PATIENT, THE_BOTTLE, MakeStage, Stage, hold_bottle
+from tests.support.leaves import room, thing
 
 GRASP = a_location(in_center_of=THE_BOTTLE)
 ASIDE = action("SettingAsideAnObject", object_acted_on=THE_BOTTLE, for_another_grip=True)
@@ -57,6 +60,51 @@ def test_a_table_is_furniture_although_it_may_stand_elsewhere(make_stage: MakeSt
 
     stage.run(plan)
     assert at_rest_on(stage.truth, "bottle") == "cabinet"
+
+
+class Notes:
+    """Notes where things are put down, and does nothing."""
+
+    name = "notes"
+    actions = ("Translation-LocationChange", "LoweringAnObject", "OpeningAGripper", "Reaching")
+    failures = ()
+
+    def __init__(self) -> None:
+        self.onto = list[str]()
+
+    def resources(self, asked: Action) -> tuple[str, ...]:
+        return ()
+
+    async def execute(self, asked: Action) -> None:
+        await checkpoint()
+        if asked.type == "LoweringAnObject":
+            self.onto.append(str(asked.get("to_location")))
+
+
+def test_doors_and_handles_are_no_furniture_on_which_to_put_something(stack: ExitStack) -> None:
+    leaves = [
+        part
+        for name, y in (("left", 0.15), ("right", -0.15))
+        for part in (
+            thing(name, "Door", Pose((0.59, y, 1.4)), (0.02, 0.3, 1.1), f"grip_{name}"),
+            thing(f"grip_{name}", "Handle", Pose((0.55, 0.3 * y, 1.2)), (0.012, 0.012, 0.15)),
+        )
+    ]
+    case = thing("case", "Cupboard", Pose((0.8, 0.0, 1.0)), (0.4, 0.62, 2.0), "left", "right")
+    table = thing("table", "KitchenTable", Pose((-1.2, -2.8, 0.37)), (0.8, 0.8, 0.74))
+    stage, notes = (
+        room(stack, (case, *leaves, table, thing("box", "Box", Pose((-3.0, 3.0, 0.03)), (0.06,) * 3))),
+        Notes(),
+    )
+    arm = stage.platform.robot.arms[0]
+    there = stage.truth.link_pose(arm.tip)
+    stage.truth.set_pose("box", there)
+    stage.truth.attach(arm.tip, "box")
+    stage.platform.belief.grasped("box", arm.name, arm.tip, Pose((0.0, 0.0, 0.0)))
+    stage.platform.observe()
+    stage.executive.modules = (notes, *stage.executive.modules)
+    stage.do("SettingAsideAnObject", "box")
+    assert notes.onto == ["table"]
 
 
 def failing(*failures: PlanFailure) -> Callable[[], Awaitable[None]]:
