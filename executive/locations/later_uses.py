@@ -22,7 +22,7 @@ from executive.locations.hand_predicates import Stage, candidates_of, delivering
 from executive.locations.inverse_maps import InverseMaps
 from executive.locations.rejections import Rejections
 from executive.robots.arms import ArmModel, Held
-from planlang.geometry import Pose
+from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import inverse, product, rigid
 from planlang.kernel import still_computing
 from planlang.relations.demands import Reach, ReachKind
@@ -33,6 +33,8 @@ ALIKE = 3
 """Decimals to which grips are compared [m, 1]."""
 
 
+BEHIND = (0.15, 0.3)
+"""Distances behind a hand at which its arm needs as much room as the hand [m]."""
 AT_ONCE = 64
 """Number of hand poses that are tested for collisions at once, the most natural ones first."""
 
@@ -99,7 +101,8 @@ class LaterUses:
     def _suits(self, use: Reach, arm: ArmModel, held: Held) -> float:
         """Find the first stage at which an arm that holds a thing like this can perform a use, as far as known; or inf.
 
-        Grips that leave the hand no room to lower the thing from as high as there is room for it come later.
+        Grips that leave the hand no room to lower the thing from as high as there is room for it come later, and so do
+        those that leave none for the arm behind it: it is approximated by the hand at the distances :data:`BEHIND`.
         """
         still_computing()
         if use.arms is not None and arm.name not in use.arms:
@@ -120,12 +123,17 @@ class LaterUses:
         opened = {None, *(name for leaf in shut for name in self._scene.belief.joints[leaf].bodies)}
         collisions = self._scene.collisions
         check = collisions.arm_check(arm, held.name, (), collisions.near(arm, table.points))
+
+        def free_at(tips: Array) -> NDArray[np.bool_]:
+            hits = check.hand_hit(tips.reshape(-1, 4, 4))
+            return np.array([hit in opened for hit in hits], bool).reshape(tips.shape[:2])
+
         first = math.inf
         for part in blocks(len(table), AT_ONCE):  # one free hand is enough
             tips = table.poses(np.arange(part.start, part.stop))[:, : table.key + 1]
-            hits = check.hand_hit(tips.reshape(-1, 4, 4))
-            free = np.array([hit in opened for hit in hits], bool).reshape(tips.shape[:2])
-            if free.all(axis=1).any():
+            free = free_at(tips)
+            roomy = np.flatnonzero(free.all(axis=1))
+            if len(roomy) and (use.kind is ReachKind.OFFER or free_at(_behind(tips[roomy], arm)).all(axis=1).any()):
                 return Stage.NATURAL
             if free[:, table.key].any():
                 first = Stage.ALL
@@ -139,3 +147,12 @@ class LaterUses:
         if (use, name) not in known:
             known[use, name] = spots_of(use, name, self._scene, Rejections(), Stage.ALL)
         return known[use, name]
+
+
+def _behind(tips: Array, arm: ArmModel) -> Array:
+    """Move tip poses (n, k, 4, 4) back against the approach, by each of some distances, (n, k m, 4, 4)."""
+    approach = tips[..., :3, :3] @ np.asarray(arm.frame.approach)
+    moved = [tips.copy() for _ in BEHIND]
+    for poses, away in zip(moved, BEHIND, strict=True):
+        poses[..., :3, 3] -= away * approach
+    return np.concatenate(moved, axis=1)

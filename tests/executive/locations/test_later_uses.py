@@ -81,6 +81,15 @@ def test_a_low_cup_is_gripped_from_the_side_if_it_goes_between_two_shelves(make_
     assert grips(stage, cup, put) == {"side"}
 
 
+def test_a_low_cup_is_not_gripped_from_above_if_the_arm_would_go_through_the_board_over_its_place(
+    make_stage: MakeStage,
+) -> None:
+    stage = make_stage(TABLE, CUP, SHELF, replace(BOARD, pose=Pose((-1.8, 0.0, 1.13))))
+    cup, shelf = known(stage, "cup"), known(stage, "shelf")
+    put = action("TransportingAnObject", object_acted_on=cup, to_location=shelf)
+    assert "top" not in grips(stage, cup, put)
+
+
 def test_a_thing_is_gripped_low_if_it_goes_as_high_as_a_hand_only_just_reaches(make_stage: MakeStage) -> None:
     high = replace(SHELF, name="high", pose=Pose((-1.8, 0.0, 1.36)))
     tall = replace(CUP, pose=Pose((1.0, 0.1, 0.89)), size=(0.07, 0.07, 0.3))
