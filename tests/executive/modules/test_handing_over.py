@@ -174,6 +174,22 @@ def test_a_robot_sees_through_where_a_person_should_hold_what_is_nowhere_in_sigh
     assert ward.belief.pose("bottle").position[2] < offered - 0.1, "it is believed to have fallen"
 
 
+class Jolted(Decorated):
+    """The wrist of this robot takes the swaying of its own arm for somebody who pulls."""
+
+    def pulled(self, link: str) -> bool:
+        """Feel a pull."""
+        return True
+
+
+def test_a_robot_that_feels_a_pull_of_nobody_sees_that_nobody_has_taken_what_it_has_dropped(ward: Stage) -> None:
+    offer(ward, "right")
+    ward.platform.world = Jolted(ward.platform.world)  # type: ignore[assignment]
+    with pytest.raises(ObjectLost, match="bottle is no longer held by patient"):
+        hand_over(ward)
+    assert held_by(ward.truth, "bottle") is None
+
+
 def test_a_robot_that_looks_elsewhere_turns_its_neck_to_what_it_hands_over(ward: Stage) -> None:
     offer(ward, "right")
     point = np.array(ward.planning.pose("bottle").position)
