@@ -16,6 +16,7 @@ from planlang.geometry import Pose
 from planlang.protocols import Detection
 from planlang.records import dataclass
 from planlang.state import WorldState
+from sim.camera import READABLE
 
 
 class By(StrEnum):
@@ -37,7 +38,7 @@ class Alike:
     by: By | None
     """What decided which one it is; None if the mark that the map states has to be read first."""
     same: tuple[str, ...] = ()
-    """Those of the others that nothing distinguishes from it."""
+    """Those of the others that nothing which is known distinguishes from it."""
 
     def as_change(self) -> dict[str, object]:
         """What a record of the belief says of it."""
@@ -102,19 +103,34 @@ def look_alike(
     differ = dict[str, By]()
     for by, said, read in features:
         if said is not None or read(mine) is None:  # a map that states no mark means a thing that shows none
-            differ |= {one: by for one in seen if one not in differ and read(found[one]) not in (said, None)}
+            unlike = (one for one in seen if _is_read(found[one], read) and read(found[one]) != said)
+            differ |= {one: by for one in unlike if one not in differ}
     like = [one for one in (*seen, *hidden) if one not in differ]
     if like and any(read(mine) is None for _, _, read in stated):
-        return Alike(name, (*seen, *hidden), None)
+        return Alike(name, (*seen, *hidden), None, tuple(like))
 
-    def shows(other: str, said: str | None, read: Callable[[Detection], str | None]) -> bool:
-        its = associator.features(other)
-        return said in (its.mark, its.colour) if other in hidden else read(found[other]) == said
+    surely, same = list[str](), list[str]()
+    for other in like:  # what cannot be read of others, the map states of those that it has
+        of_map = associator.features(other)
+        its = {_mark: of_map.mark, _colour: of_map.colour}
+        unread = [by for by, said, read in features if not (other in found and _is_read(found[other], read))]
+        told = [by for by, said, read in features if by in unread and its[read] != said]
+        if "#" in other and unread and told:
+            same.append(other)  # what no map has may have the same mark
+        elif told:
+            differ[other] = told[0]
+        else:
+            surely.append(other)
+    decided = By.PLACE if surely or not (stated or differ) else [*differ.values(), *(by for by, _, _ in stated)][0]
+    return Alike(name, (*seen, *hidden), decided, (*surely, *same))
 
-    same = tuple(one for one in like if all(shows(one, said, read) for _, said, read in stated))
-    by_stated = (by for by, said, read in stated if not all(shows(one, said, read) for one in like))
-    decided = By.PLACE if same else [*by_stated, *differ.values()][0]
-    return Alike(name, (*seen, *hidden), decided, same)
+
+Read = Callable[[Detection], str | None]
+
+
+def _is_read(shown: Detection, read: Read) -> bool:
+    """Check whether a picture shows what a mark is, or that there is none."""
+    return read(shown) is not None or shown.visible >= READABLE
 
 
 def _mark(shown: Detection) -> str | None:
