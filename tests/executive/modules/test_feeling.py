@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from contextlib import ExitStack
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from planlang.failures import GraspMissed, ObjectNowhereToBeFound
 from planlang.geometry import Pose
 from planlang.geometry.matrices import rigid
 from planlang.protocols import Configuration
+from tests.support import leaves
 from tests.support.leaves import Room, room, thing
 
 TABLE = thing("table", "KitchenTable", Pose((0.8, 0.0, 0.37)), (0.5, 1.2, 0.74))
@@ -96,6 +98,18 @@ def test_what_is_not_there_is_nowhere_to_be_found(stack: ExitStack) -> None:
     stage = missed(stack, bottle(*AT))
     with pytest.raises(ObjectNowhereToBeFound, match="bottle was not felt within 50 cm of where the map has it"):
         feel(stage)
+
+
+def test_an_arm_that_cannot_drive_says_how_much_was_out_of_its_reach(
+    stack: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    panda = leaves.robot_of("panda")
+    monkeypatch.setattr(leaves, "robot_of", lambda name: replace(panda, base=replace(panda.base, fixed=True)))
+    stage = missed(stack, bottle(*AT))
+    before = stage.truth.configuration().base
+    with pytest.raises(ObjectNowhereToBeFound, match=r"in \d strokes; \d\d% of that was out of reach of the hand"):
+        feel(stage)
+    assert stage.truth.configuration().base == before
 
 
 def test_a_robot_with_a_camera_does_not_feel(stack: ExitStack) -> None:
