@@ -155,7 +155,9 @@ def changed_since(start: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str,
     for key, value in now.items():
         if value != start[key]:
             is_table = isinstance(value, dict)
-            changed[key] = {one: what for one, what in value.items() if what != start[key][one]} if is_table else value
+            changed[key] = (
+                {one: what for one, what in value.items() if what != start[key].get(one)} if is_table else value
+            )
     return changed
 
 

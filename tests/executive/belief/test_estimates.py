@@ -14,6 +14,7 @@ from executive.belief.belief import MOVED
 from executive.belief.estimates import Estimate, leaf_value
 from executive.belief.memory import Source
 from executive.belief.obstacles import with_store
+from executive.belief.snapshots import changed_since, with_changes
 from executive.maps import MapObject, SemanticMap
 from planlang.files import bundled
 from planlang.geometry import Pose
@@ -177,6 +178,7 @@ def test_a_belief_with_estimates_survives_its_snapshot(made: Make) -> None:
     chance = random.Random(4)
     belief.see([blurred(TRUE, 0.01, chance, 0.03), bottle(2.0, -0.3)])
     belief.see([replace(bottle(2.0, 0.3), pose=at(1.9, 2.0))], everything)
-    other.restore(belief.snapshot())
+    changed = changed_since(other.snapshot(), belief.snapshot())
+    other.restore(with_changes(other.snapshot(), changed))
     assert other.memory.estimates == belief.memory.estimates != {}
     assert other.memory.unseen == belief.memory.unseen != {}
