@@ -56,8 +56,8 @@ TELLING = frozenset({"lost", "given up", "grip refused", "felt", "not where expe
 """Changes of belief that tell of something that is not as it was believed."""
 TELLING_OF_IT = frozenset({"seen", "noticed", "recognised", "found", "moved", "switched"})
 """Changes of belief that do so of the thing that they name only."""
-FAILED = ("ended", "recovery", "pose failed")
-"""Records that may have a failure."""
+FAILED = ("ended", "recovery")
+"""Records that may have a failure; that of a base pose which is left for the next one says nothing of the world."""
 
 
 def carried_by(kind: Kind) -> Carried:
