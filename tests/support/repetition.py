@@ -22,13 +22,17 @@ def passing(vocabulary: Ontology) -> tuple[type[failures.PlanFailure], ...]:
 
 def repeated(records: Records, passes: tuple[type[failures.PlanFailure], ...]) -> Iterator[str]:
     """Yield the failures, other than those that may pass, after which the same was done again in the same belief."""
-    failed: dict[int, int] = {}
+    failed: dict[tuple[int, str], int] = {}
+    """Node and class of a failure -> the first record of such a failure in the present attempt: what comes after it,
+    as the looks of a recovery, may fail in the same way."""
     for number, record in enumerate(records):
-        if record["event"] == "ended" and record.get("status") == "failed" and "parent" in record:
-            failed[record["parent"]] = number
+        if record["event"] == "attempt":
+            failed = {key: value for key, value in failed.items() if key[0] != record["node"]}
+        elif record["event"] == "ended" and record.get("status") == "failed" and "parent" in record:
+            failed.setdefault((record["parent"], record["failure"]["type"]), number)
         elif record["event"] == "recovery" and record["decision"] == "retry":
             name = record["failure"]["type"]
-            between = records[failed[record["node"]] : number]
+            between = records[failed[record["node"], name] : number]
             if not issubclass(getattr(failures, name), passes) and not any(map(_changes, between)):
                 yield name
 
