@@ -133,16 +133,20 @@ class Camera:
         self.bodies.fill(ends.min(axis=0), ends.max(axis=0), planes)
 
     def _silhouette(self, name: str, model: CameraModel, pose: Pose) -> float:
-        """Compute the pixels that a body would cover with nothing in front of it."""
+        """Compute the pixels that a body would cover with nothing in front of it.
+
+        Pieces may hide each other, as the walls of a cup do: it covers no more than the hull of them all.
+        """
         eye, forward, up = _axes(model, pose)
         right = np.cross(forward, up)
         focal = model.width / 2 / math.tan(model.fov / 2)
-        total = 0.0
+        total, points = 0.0, list[Array]()
         for index in self.bodies.of[name]:
             offset = self._outline(index) - eye
             depth = np.maximum(offset @ forward, _CLIP)
-            total += area(outline_of(np.column_stack([offset @ right / depth, offset @ up / depth]) * focal))
-        return total
+            points.append(np.column_stack([offset @ right / depth, offset @ up / depth]) * focal)
+            total += area(outline_of(points[-1]))
+        return min(total, area(outline_of(np.vstack(points)))) if len(points) > 1 else total
 
     def _outline(self, index: int) -> Array:
         """List points in the map whose convex hull is the piece; circles are approximated by polygons."""

@@ -13,6 +13,7 @@ from planlang.geometry import Pose
 from planlang.protocols import Configuration
 from sim import Body, CameraModel, PyBulletWorld
 from sim.engine import bullet
+from sim.scene import BodyShape
 from tests.sim.conftest import AMIGO, MakeWorld
 from tests.support.world_values import value_of
 
@@ -128,3 +129,10 @@ def test_pictures_are_the_same_whether_pybullet_was_built_with_numpy_or_returns_
     assert isinstance(made[0][2], np.ndarray)
     assert isinstance(made[-1][2], tuple)
     assert arrays == tuples
+
+
+def test_a_hollow_thing_in_full_view_is_visible_although_its_walls_hide_each_other(make_world: MakeWorld) -> None:
+    bowl = Body("bowl", Pose((-1.1, 1.75, 0.8)), (0.09, 0.09, 0.12), shape=BodyShape.CYLINDER, wall=0.004)
+    world = make_world(extra=(bowl,))
+    world.set_configuration(Configuration((-1.1, 0.9, 1.5708), {"neck_tilt_joint": 0.4}))
+    assert _seen(world)["bowl"] > 0.7
