@@ -88,8 +88,10 @@ def hiding(eye: Array, points: Array, ends: Array, at_surface: NDArray[np.bool_]
     """Find which points (n, 3) are hidden in a depth picture taken at ``eye`` (3,), (n,), and by what.
 
     The picture's lines of sight end at ``ends`` (m, 3), on a surface where ``at_surface`` (m,). The second array (k, 3)
-    holds those ends in front of hidden points.
+    holds those ends in front of hidden points. A picture without depth tells of none.
     """
+    if not len(ends):
+        return np.zeros(len(points), bool), ends
     nearest, cosines, lengths, distances = _nearest_lines(eye, points, ends)
     hides = (cosines >= np.cos(PIXEL)) & at_surface[nearest] & (lengths < distances - BEFORE)
     return hides, ends[nearest[hides]]
@@ -99,8 +101,10 @@ def passed(eye: Array, points: Array, ends: Array, within: float) -> tuple[NDArr
     """Find which points (n, 3) a depth picture taken at ``eye`` (3,) shows, and at which of them nothing is, (n,) each.
 
     The picture's lines of sight end at ``ends`` (m, 3). One shows a point if it goes by ``within`` a distance [m], and
-    ends no nearer; nothing is there if it goes on behind it.
+    ends no nearer; nothing is there if it goes on behind it. A picture without depth shows none.
     """
+    if not len(ends):
+        return np.zeros(len(points), bool), np.zeros(len(points), bool)
     _, cosines, lengths, distances = _nearest_lines(eye, points, ends)
     sines = np.sqrt(np.clip(1.0 - cosines**2, 0.0, 1.0))
     shown = (distances * sines <= within) & (lengths >= distances - BEFORE)
