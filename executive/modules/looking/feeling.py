@@ -74,6 +74,8 @@ LEVEL = 0.5
 """Least horizontal share of the normal of a touch at the side of a thing."""
 HEIGHTS = 0.01
 """Tolerance of the heights at which a thing is touched [m]."""
+FLAT = 0.2
+"""Sine of the angle between the normals of a touch and of a side of the thing up to which that side was touched."""
 ITS_OWN = 0.05
 """Distance from a touch up to which a body that does not move, or a person, explains it [m]."""
 DRAWN_BACK = (0.05, 0.03)
@@ -99,6 +101,9 @@ class Feeler(HandWork):
         super().__init__(platform)
         self._name, self._first = name, platform.scene.bodies.pose(name)
         self._block = platform.scene.bodies.block(name)
+        cosine, sine = math.cos(self._block.yaw), math.sin(self._block.yaw)
+        self._axes = np.array([[cosine, sine], [-sine, cosine]])
+        """Directions of the thing's own axes (2, 2)."""
         self._points = self._where()
         self._felt = np.zeros(len(self._points), np.bool_)
         """Which points a hand has felt over."""
@@ -346,6 +351,10 @@ class Feeler(HandWork):
         if not at_side or self._is_explained(point):
             return None
         normal /= share
+        along, across = float(normal[:2] @ self._axes[0]), float(normal[:2] @ self._axes[1])
+        if not block.round and min(abs(along), abs(across)) > FLAT:  # a vertical edge: it tells both coordinates
+            corner = math.copysign(block.half_x, along), math.copysign(block.half_y, across)
+            return self._at(point[:2] - np.array(corner) @ self._axes)
         return self._at(point - block.support(math.atan2(normal[1], normal[0])) * normal)
 
     def _is_on_top(self, touch: Touch) -> bool:
@@ -387,9 +396,14 @@ class Feeler(HandWork):
         across = np.array([-ahead[1], ahead[0], 0.0])
         for side in (across, -across):
             if (told := await self._felt_from(arm, there, side)) is not None:
-                shift = np.array(told.position) - np.array(there.position)
-                return self._at(np.array(there.position[:2]) + float(shift @ across) * across[:2])
+                shift, normal = np.array(told.position) - np.array(there.position), self._normal(side)
+                return self._at(np.array(there.position[:2]) + float(shift @ normal) * normal[:2])
         return there
+
+    def _normal(self, side: Array) -> Array:
+        """Select the normal (3,) of the thing's side that a hand which moves in a direction (3,) meets."""
+        axes = np.vstack([self._axes, -self._axes])
+        return np.array([*axes[int(np.argmin(axes @ side[:2]))], 0.0])
 
     async def _felt_from(self, arm: ArmModel, there: Pose, side: Array) -> Pose | None:
         """Feel in a direction (3,) for a thing that is about at a pose; None without a touch."""
