@@ -50,13 +50,13 @@ LONG = (
 """Pages that take longer; beside ``make test-long`` their commands are only parsed, and their programs compiled."""
 WITH_NOTHING: dict[str, tuple[str, ...]] = {
     "docs/reference/architecture.md": ("recipe.owl | .omn | .ttl", "planlang/*.py"),
-    "docs/reference/formats.md": ('name = "amigo"',),
+    "docs/reference/formats.md": ('name = "amigo"', "[camera.noise]"),
     "docs/guides/knowledge.md": ("robot cannot do it; alternatives",),
     "docs/reference/faults.md": ("PART.NAME:KIND",),
 }
 """How blocks begin that are no code of the page: a drawing, and folders, whose names another test compares; the keys of
-robot files, with placeholders; an answer about entries that are in tests/executive/enabling/test_alternatives.py; the
-grammar of faults.
+robot files, with placeholders, and a table of one; an answer about entries that are in
+tests/executive/enabling/test_alternatives.py; the grammar of faults.
 """
 
 
