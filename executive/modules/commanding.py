@@ -366,14 +366,15 @@ class Sensing:
     def seen_through(self, points: Array, within: float) -> float:
         """Take a depth image and compute at which share of the points (n, 3) that it shows nothing is.
 
-        0 if it shows none. ``within``: distance from a point at which a line of sight counts as through it [m].
+        0 if it shows none; one alone at the rim of the image tells little: at least a third of them count as shown.
+        ``within``: distance from a point at which a line of sight counts as through it [m].
         """
         control, camera = self._control, self._control.robot.camera
         if camera is None:
             return 0.0
         eye = np.array(control.world.link_pose(camera.link).position)
         shown, empty = passed(eye, points, control.world.scan(camera.link)[0], within)
-        return float(empty.sum() / max(shown.sum(), 1))
+        return float(empty.sum() / max(shown.sum(), len(points) / 3, 1))
 
     async def _look_over(self, point: Array) -> None:
         """Look at a touched map point (3,), or as low above it as the neck can bend."""

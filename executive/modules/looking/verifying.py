@@ -21,6 +21,8 @@ POINTS = (-0.8, -0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6, 0.8)
 """Points along a thing at which a depth image may show that it is not there, as shares of half its length."""
 LOWER = 0.25
 """How far below the place of a thing to look at most, for each metre from the camera: the place stays in the image."""
+WELL_INSIDE = 0.8
+"""Share of half the least extent of a thing: lines of sight farther out may graze past it."""
 EMPTY = 0.5
 """Share of those of them in sight from which on it does: the hand that held it may still be behind the others."""
 
@@ -81,7 +83,7 @@ def _is_below(seen: Pose, there: Pose) -> bool:
 
 
 def _points(platform: Platform, name: str, pose: Pose) -> tuple[Array, float]:
-    """List points (n, 3) of the map along a thing at a pose, and half its least extent [m]."""
+    """List map points (n, 3) along a thing at a pose, and how far from them lines of sight surely meet it [m]."""
     half = np.array(platform.scene.world.scene.body(name).size) / 2
     axis = np.eye(3)[int(half.argmax())] * half.max()
-    return np.array(pose.position) + np.outer(POINTS, rotated(pose.rotation, axis)), float(half.min())
+    return np.array(pose.position) + np.outer(POINTS, rotated(pose.rotation, axis)), WELL_INSIDE * float(half.min())

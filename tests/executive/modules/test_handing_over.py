@@ -182,6 +182,17 @@ class Jolted(Decorated):
         return True
 
 
+def test_one_point_of_a_place_in_the_image_does_not_tell_that_the_place_is_empty(ward: Stage) -> None:
+    camera, sensing = ward.platform.robot.camera, ward.platform.sensing
+    assert camera is not None
+    eye = ward.truth.link_pose(camera.link)
+    ahead = [np.array(eye.position) + far * eye.rotation[:, 2] for far in (0.4, 0.41, 0.42)]
+    behind = [np.array(eye.position) - far * eye.rotation[:, 2] for far in (0.4, 0.41, 0.42, 0.43, 0.44, 0.45)]
+    assert sensing.seen_through(np.stack([*ahead, *behind]), 0.03) == 1.0
+    assert sensing.seen_through(np.stack([*ahead[:1], *behind]), 0.03) < 0.5
+    assert sensing.seen_through(np.stack(behind), 0.03) == 0.0
+
+
 def test_a_robot_that_feels_a_pull_of_nobody_sees_that_nobody_has_taken_what_it_has_dropped(ward: Stage) -> None:
     offer(ward, "right")
     ward.platform.world = Jolted(ward.platform.world)  # type: ignore[assignment]
