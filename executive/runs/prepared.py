@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from executive.maps import SemanticMap, read_map
-from executive.maps.changed import changed_map
 from executive.maps.environments import DEFAULT_ENVIRONMENT, default_environment
 from executive.options.declaring import check_written, declared, names
 from executive.options.headers import given_or
@@ -280,6 +279,8 @@ def read_maps(
     ontology = read(load, first, folders=options.folders, also=tuple(further))
     semantic_map = read(read_map, ontology, ignore_unread=options.ignore_unread)
     if changes:
+        from executive.maps.changed import changed_map  # imported late: few maps are changed, and writers are slow
+
         content = changed_map(semantic_map, maps, changes, found).encode()
         folders = (*options.folders, first.parent)
         ontology = load(first, folders=folders, content=content)  # which no other run has
