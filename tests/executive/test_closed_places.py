@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from planlang import SimulationHost, at_location, checkpoint, perform, run, with_failure_handling
-from planlang.designators import Action, Condition, FixedPose, action, an_object
+from planlang import SimulationHost, at_location, perform, run, with_failure_handling
+from planlang.designators import Condition, FixedPose, action, an_object
 from planlang.failures import (
-    HandleNotReachable,
     ObjectNotFound,
     ObjectNowhereToBeFound,
     ObjectUnresolvable,
@@ -22,6 +21,7 @@ from planlang.recoveries import look_from_another_place
 from planlang.runs import Trace
 from sim import Body
 from tests.executive.conftest import BOTTLE, THE_BOTTLE, MakeStage
+from tests.support.instant_doors import Doors
 from tests.support.leaves import PLACE, Room, room, thing
 
 TABLE = Body("table", Pose((2.5, 0.0, 0.37)), (0.8, 1.2, 0.74), type="Table-PieceOfFurniture")
@@ -56,35 +56,7 @@ def test_a_recovery_that_has_seen_the_thing_is_not_undone_by_a_look_from_where_i
     assert stage.belief.remembers("bottle")
 
 
-class Doors:
-    """Opens and closes at once, as a user's own module may: searches ask whoever does it."""
-
-    name = "doors"
-    actions = ("OpeningAContainerArtifact", "ClosingAContainerArtifact")
-    failures = (HandleNotReachable,)
-
-    def __init__(self, stage: Room, *, sticks: bool = False, misses: int = 0) -> None:
-        """``misses``: how often it does not close."""
-        self.stage, self.sticks, self.misses, self.asked = stage, sticks, misses, list[str]()
-
-    def resources(self, asked: Action) -> tuple[str, ...]:
-        return ()
-
-    async def execute(self, asked: Action) -> None:
-        await checkpoint()
-        self.asked.append(asked.type)
-        if self.sticks:
-            raise HandleNotReachable(what="leaf")
-        if asked.type == CLOSES and self.misses > 0:
-            self.misses -= 1
-            raise HandleNotReachable(what="leaf")
-        value = 0.3 if asked.type.startswith("Opening") else 0.0
-        self.stage.truth.set_joint("leaf", value)
-        self.stage.platform.belief.moved("leaf", value)
-        self.stage.platform.observe()
-
-
-OPENS, CLOSES = Doors.actions
+OPENS, CLOSES = "OpeningAContainerArtifact", "ClosingAContainerArtifact"
 KEYS = an_object("Key", PLACE + "keys")
 
 
@@ -98,7 +70,7 @@ def kitchen(stack: ExitStack, *, inside: bool, sticks: bool = False, misses: int
     stage = room(stack, (case, leaf, grip, keys))
     stage.platform.belief.not_there("keys")
     stage.platform.observe()
-    doors = Doors(stage, sticks=sticks, misses=misses)
+    doors = Doors(stage, "leaf", 0.3, (OPENS, CLOSES), sticks=sticks, misses=misses)
     stage.executive.modules = (doors, *stage.executive.modules)
     return stage, doors
 

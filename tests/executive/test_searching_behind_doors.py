@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from planlang import SimulationHost, checkpoint, perform, run
-from planlang.designators import Action, action, an_object
-from planlang.failures import HandleNotReachable, ObjectNowhereToBeFound
+from planlang import SimulationHost, perform, run
+from planlang.designators import action, an_object
+from planlang.failures import ObjectNowhereToBeFound
 from planlang.language.tidying import tidied
+from tests.support.instant_doors import Doors
 from tests.support.leaves import Room
 from tests.support.room_doors import RoomDoor, flat
 
@@ -20,31 +21,7 @@ KEYS = an_object("Key", FLAT + "keys")
 WIDE = 1.57
 
 
-class Doors:
-    """Opens and closes at once, as a user's own module may: searches ask whoever does it."""
-
-    name = "doors"
-    actions = ("OpeningAContainerArtifact", "ClosingAContainerArtifact", "ClosingDoorsAgain")
-    failures = (HandleNotReachable,)
-
-    def __init__(self, stage: Room, *, sticks: bool) -> None:
-        self.stage, self.sticks, self.asked = stage, sticks, list[str]()
-
-    def resources(self, asked: Action) -> tuple[str, ...]:
-        return ()
-
-    async def execute(self, asked: Action) -> None:
-        await checkpoint()
-        self.asked.append(asked.type)
-        if self.sticks:
-            raise HandleNotReachable(what="door")
-        value = WIDE if asked.type.startswith("Opening") else 0.0
-        self.stage.truth.set_joint("door", value)
-        self.stage.platform.belief.moved("door", value)
-        self.stage.platform.observe()
-
-
-OPENS, CLOSES, CLOSES_AGAIN = Doors.actions
+OPENS, CLOSES, CLOSES_AGAIN = "OpeningAContainerArtifact", "ClosingAContainerArtifact", "ClosingDoorsAgain"
 
 
 def table(name: str, x: float, y: float) -> str:
@@ -63,7 +40,7 @@ def home(stack: ExitStack, folder: Path, keys: str, *, sticks: bool = False) -> 
     stage = flat(stack, RoomDoor(more=more), folder)
     stage.platform.belief.not_there("keys")
     stage.platform.observe()
-    doors = Doors(stage, sticks=sticks)
+    doors = Doors(stage, "door", WIDE, (OPENS, CLOSES, CLOSES_AGAIN), sticks=sticks)
     stage.executive.modules = (doors, *stage.executive.modules)
     return stage, doors
 

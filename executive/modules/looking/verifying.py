@@ -21,10 +21,10 @@ POINTS = (-0.8, -0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6, 0.8)
 """Points along a thing at which a depth image may show that it is not there, as shares of half its length."""
 LOWER = 0.25
 """How far below the place of a thing to look at most, for each metre from the camera: the place stays in the image."""
+EMPTY = 0.5
+"""Share of the points in sight at which nothing is, from which on it is gone: the hand may be behind the others."""
 WELL_INSIDE = 0.8
 """Share of half the least extent of a thing: lines of sight farther out may graze past it."""
-EMPTY = 0.5
-"""Share of those of them in sight from which on it does: the hand that held it may still be behind the others."""
 
 
 def begin_to_watch(platform: Platform, name: str) -> None:
