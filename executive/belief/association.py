@@ -13,15 +13,14 @@ from collections.abc import Collection, Mapping, Sequence
 from itertools import count
 from typing import Protocol
 
-import numpy as np
-
 from executive.belief.estimates import Estimate
 from executive.belief.memory import Memory, Source
 from executive.belief.obstacles import NAMES
 from executive.maps.classes import is_kind
 from executive.maps.semantic_map import SemanticMap
 from planlang.designators import local_name
-from planlang.geometry import Array, Pose
+from planlang.geometry import Pose
+from planlang.graphs import assigned
 from planlang.protocols import Detection
 from planlang.records import dataclass
 from planlang.state import WorldState
@@ -43,8 +42,6 @@ ANYWHERE = 100.0
 """Distance that counts for a thing whose place is unknown [m]: one at a known place is preferred."""
 UNLIKE = 10.0
 """Distance that counts for each metre by which extents differ, where no place tells things apart."""
-UNKNOWN, FORBIDDEN = 1e3, 1e6
-"""Distances that count for a detection of nothing known, and of a thing that it cannot show [m]."""
 
 
 class Known(Protocol):
@@ -106,7 +103,7 @@ class Associator:
         taken = [name for name in first if name is not None]
         if len(taken) == len(set(taken)):  # each has the nearest thing for itself: nothing is nearer together
             return first
-        return _assigned(costs)
+        return assigned(costs)
 
     def fitting(self, detection: Detection) -> list[str]:
         """List the things of the features of a detection, wherever they are, those of the most similar size first."""
@@ -240,50 +237,3 @@ def _extents(detection: Detection, one: Features) -> list[tuple[float, float]]:
 
 def _nearest(costs: Mapping[str, float]) -> str | None:
     return min(costs, key=lambda name: costs[name], default=None)
-
-
-def _assigned(costs: Sequence[Mapping[str, float]]) -> list[str | None]:
-    """Assign a thing to as many detections as possible, with the least distance of all together."""
-    things = list(dict.fromkeys(name for one in costs for name in one))
-    table = np.full((len(costs), len(things) + len(costs)), FORBIDDEN)
-    for row, one in enumerate(costs):
-        table[row, len(things) + row] = UNKNOWN
-        for name, cost in one.items():
-            table[row, things.index(name)] = cost
-    return [things[column] if column < len(things) else None for column in least_sum(table)]
-
-
-def least_sum(table: Array) -> list[int]:
-    """Choose a column for each row (n, m), n <= m, none twice, with the least sum: shortest augmenting paths, O(n^2 m).
-
-    Jonker and Volgenant, A shortest augmenting path algorithm for dense and sparse linear assignment problems, 1987.
-    """
-    rows, columns = table.shape
-    row_price, column_price = np.zeros(rows), np.zeros(columns)
-    row_of = np.full(columns, -1)
-    for first in range(rows):
-        length, before, done = np.full(columns, np.inf), np.full(columns, -1), np.zeros(columns, bool)
-        row, column, base = first, -1, 0.0
-        while True:  # the shortest path from the row to a column that no row has
-            reduced = base + table[row] - row_price[row] - column_price
-            is_shorter = ~done & (reduced < length)
-            length[is_shorter], before[is_shorter] = reduced[is_shorter], column
-            column = int(np.argmin(np.where(done, np.inf, length)))
-            base, done[column] = float(length[column]), True
-            if row_of[column] < 0:
-                break
-            row = int(row_of[column])
-        reached = done.copy()
-        reached[column] = False
-        row_price[first] += base
-        row_price[row_of[reached]] += base - length[reached]
-        column_price[reached] -= base - length[reached]
-        while column >= 0:  # exchange along the path
-            previous = int(before[column])
-            row_of[column] = first if previous < 0 else row_of[previous]
-            column = previous
-    found = [-1] * rows
-    for column in range(columns):
-        if row_of[column] >= 0:
-            found[int(row_of[column])] = column
-    return found

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-import numpy as np
-
-from executive.belief.association import least_sum
 from planlang.designators import Location, Object
 from planlang.goals import At, Exists, Goal, HeldBy, Holds, InState
+from planlang.graphs import assigned
 from sim.likeness import is_like
 from sim.scene import BodyShape
 from sim.truth import Truth
 
-ITSELF, NEVER = 1e-3, 1e6
-"""Costs of letting another thing stand for one, which no goal gains by it, and of one that cannot."""
+ANOTHER = 1e-3
+"""Cost of letting another thing stand for one, in goals that do not hold: without a gain it is the thing itself."""
 
 
 class Interchange:
@@ -53,22 +51,20 @@ class Interchange:
 
     def chosen(self) -> Mapping[str, str]:
         """Find the things that stand for named ones: those of which most of the goals hold, none for two."""
-        names = [name for name, others in self._like.items() if others]
-        if not names:
+        if not any(self._like.values()):
             return {}
-        bodies = list(dict.fromkeys([*names, *(one for name in names for one in self._like[name])]))
-        table = np.array([[self._cost(name, one) for one in bodies] for name in names])
-        found = zip(names, (bodies[column] for column in least_sum(table)), strict=True)
-        return {name: one for name, one in found if one != name}
+        found = zip(self._like, assigned([self._costs(name) for name in self._like]), strict=True)
+        return {name: one for name, one in found if one is not None and one != name}
 
-    def _cost(self, name: str, one: str) -> float:
-        if one != name and (one not in self._like[name] or one not in self._truth.names()):
-            return NEVER
-        about = self._about[name]
-        is_met = [
-            self._unmet(goal, one) is None and (one == name or (goal.text, one) not in self._before) for goal in about
-        ]
-        return is_met.count(False) + (ITSELF if one != name else 0.0)
+    def _costs(self, name: str) -> dict[str, float]:
+        """Map what may stand for a thing to the number of its goals that do not hold then."""
+        there = self._truth.names()
+        others = (one for one in self._like[name] if one in there)
+        return {name: self._unmet_by(name, name)} | {one: self._unmet_by(name, one) + ANOTHER for one in others}
+
+    def _unmet_by(self, name: str, one: str) -> float:
+        before = () if one == name else self._before
+        return sum(self._unmet(goal, one) is not None or (goal.text, one) in before for goal in self._about[name])
 
 
 def _like(truth: Truth, name: str) -> list[str]:

@@ -13,9 +13,9 @@ from collections.abc import Hashable, Iterable, Iterator
 from functools import cached_property
 from typing import Generic, TypeVar
 
+from planlang import graphs as nx
 from planlang.closure import grouped, leads_to, reached
 from planlang.kept import kept
-from planlang.recipe import graphs as nx
 from planlang.recipe.model import Ordering, Overlap, Point, Recipe, RecipeSet
 
 Node = TypeVar("Node", bound=Hashable)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from planlang import graphs as nx
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, warning
-from planlang.recipe import graphs as nx
 from planlang.recipe.checks import CheckedRecipe, check
 from planlang.recipe.model import Kind, Parameter, Thing
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+from planlang import graphs as nx
 from planlang.closure import grouped, reached
 from planlang.designators import local_name, told_apart
 from planlang.diagnostics import Diagnostic, Span, error, note, warning
 from planlang.kept import kept
 from planlang.ontology import BNode, Ontology, Restriction, expand, shorten
-from planlang.recipe import graphs as nx
 from planlang.recipe.actions import Actions
 from planlang.recipe.checks import CheckedFile, CheckedRecipe, check, listing
 from planlang.recipe.guesses import LIKE, SURE, Known, classes_beside, nearest_action

@@ -4,15 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import permutations
 
-import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from executive.belief import Belief
-from executive.belief.association import UNKNOWN, least_sum
 from executive.belief.memory import Source
 from executive.belief.obstacles import with_store
 from executive.maps import MapObject, SemanticMap
@@ -25,7 +20,6 @@ from planlang.protocols import Detection
 from sim import Body, PlanningWorld, Scene
 from sim.joints import Articulation, JointKind
 from tests.support.detections import detected
-from tests.support.examples import examples
 
 MAP = "http://example.org/map.owl#"
 BOTTLE = (0.065, 0.065, 0.2)
@@ -195,14 +189,3 @@ def test_what_was_noticed_is_kept_and_forgotten_with_the_belief(made) -> None:  
     other.restore(belief.snapshot())
     assert other.pose("bottle#3") == at(2.2, 0.0)
     assert other.snapshot() == belief.snapshot()
-
-
-@given(st.integers(1, 4), st.integers(0, 3), st.integers(0, 2**32 - 1))
-@settings(max_examples=examples(100))
-def test_an_assignment_has_the_least_sum(rows: int, more: int, seed: int) -> None:
-    table = np.random.default_rng(seed).integers(0, 10, (rows, rows + more)).astype(float)
-    chosen = least_sum(table)
-    assert len(set(chosen)) == rows
-    every = permutations(range(rows + more), rows)
-    assert table[range(rows), chosen].sum() == min(table[range(rows), columns].sum() for columns in every)
-    assert table.max() < UNKNOWN
