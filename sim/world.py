@@ -229,12 +229,12 @@ class PyBulletWorld(KinematicScene):
             self._open(self._robot, moving)
         self._people.step({name: self._bodies.poses[name] for name, held in self.held.items() if held.on is None})
         self.gravity.step()
-        self._movers.step(self._is_clear)
+        self._movers.step(self.is_clear)
         self._controls.turned()
         self._processes.step(1 / self.rate)
         self.steps += 1
 
-    def _is_clear(self, name: str) -> bool:
+    def is_clear(self, name: str) -> bool:
         """Check whether neither the robot nor what it carries touches a body."""
         if self._robot is None:
             return True

@@ -29,7 +29,6 @@ class Sense(StrEnum):
 
     MOTORS = "motors"
     """The driver of a motion reports that it did not reach its goal."""
-    ENCODERS = "encoders"
     ODOMETRY = "odometry"
     FINGERS = "fingers"
     """Touch of the fingertips."""

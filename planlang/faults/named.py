@@ -35,7 +35,7 @@ class WrongFault(ValueError):
 class When:
     """Which opportunities of a fault it happens at: counted from 1, or by plan time [s]; the ends belong to it."""
 
-    first: int | None = 1
+    first: int = 1
     last: int | None = 1
     """None: there is no last one."""
     since: float | None = None
@@ -73,7 +73,7 @@ class When:
         """Check whether an opportunity counts, by its number among those that could, and its plan time [s]."""
         if self.since is not None and (time < self.since or time > (math.inf if self.until is None else self.until)):
             return False
-        return (self.first or 1) <= number <= (math.inf if self.last is None else self.last)
+        return self.first <= number <= (math.inf if self.last is None else self.last)
 
 
 @dataclass(frozen=True, slots=True)

@@ -90,7 +90,7 @@ def _of_steps(fault: NamedFault) -> Iterator[Fault]:
     if when.since is not None and when.last == 1:
         yield Fault(fault.of, raises, at=when.since, named=fault)
     elif when.since is None and when.last is not None:
-        for attempt in range(when.first or 1, when.last + 1):
+        for attempt in range(when.first, when.last + 1):
             yield Fault(fault.of, raises, attempt, named=fault)
     elif when == When.of(ALWAYS):
         yield Fault(fault.of, raises, named=fault)

@@ -58,13 +58,13 @@ class FaultyWorld(PyBulletWorld):
     """A true world in which things go wrong, as an :class:`~sim.faults.injection.Injection` decides."""
 
     _switches: Heeds = staticmethod(_always)
+    _people: HeedingPeople
 
-    def __init__(self, scene: Scene, robot: RobotBody | None = None, *, gui: bool = False, seed: int = 0) -> None:
+    def __init__(self, scene: Scene, robot: RobotBody | None, *, gui: bool = False, seed: int = 0) -> None:
         """Nothing goes wrong before somebody is asked."""
         super().__init__(scene, robot, gui=gui, seed=seed)
         self._go_on: Callable[[], None] = _nothing
-        self._people: People = (heeding := HeedingPeople(self._bodies, self.rate))
-        self._heeding = heeding
+        self._people = HeedingPeople(self._bodies, self.rate)
 
     def then(self, go_on: Callable[[], None]) -> None:
         """Call a function at the end of each step."""
@@ -78,7 +78,7 @@ class FaultyWorld(PyBulletWorld):
     def heed(self, *, switches: Heeds, heeds: Heeds) -> None:
         """Ask whether a device switches to a state, and whether a person heeds a thing that is offered."""
         self._switches = switches
-        self._heeding.heeds = heeds
+        self._people.heeds = heeds
 
     def _switch(self, device: str, state: str) -> None:
         if self._switches(device, state):
@@ -109,10 +109,6 @@ class FaultyWorld(PyBulletWorld):
 
     def _near(self, name: str, but: Collection[str]) -> set[str]:
         return {one for one in self._contacts.touching(name, _CLEAR) if one not in but}
-
-    def is_clear(self, name: str) -> bool:
-        """Check whether neither the robot nor what it carries touches a body."""
-        return self._is_clear(name)
 
     def has_room(self, pose: Pose, size: Sequence[float], distance: float) -> bool:
         """Check whether a box of some extents [m] has room at an unturned pose, at a distance [m] from the robot."""

@@ -9,7 +9,6 @@ from functools import partial
 from planlang.faults.drawing import Drawn
 from planlang.faults.kinds import Kind, Opportunity
 from planlang.protocols import Configuration, Group, Trajectory
-from sim.faults.faulty_world import FaultyWorld
 from sim.faults.injection import Injection
 from sim.faults.motions import Motions
 from sim.faults.things import Things
@@ -25,17 +24,14 @@ class Grippers:
     """What goes wrong with openings and closings."""
 
     def __init__(self, injection: Injection, motions: Motions, things: Things) -> None:
-        self._injection, self._motions, self._things = injection, motions, things
+        self._injection, self._truth = injection, injection.truth
+        self._motions, self._things = motions, things
         self._openings: dict[str, tuple[int, Drawn | None]] = {}
         """Link of a hand -> the step in which it began to open, and what goes wrong with that."""
         self._broken: dict[str, Drawn] = {}
         """Links of the hands whose fingers do not move any more."""
         self._wrong: dict[str, tuple[tuple[str, ...], float]] = {}
         """Link of a hand -> joints that report another position, and by how much [rad, m]."""
-
-    @property
-    def _truth(self) -> FaultyWorld:
-        return self._injection.truth
 
     def lets_go(self, link: str, names: Sequence[str]) -> bool:
         """Check whether the fingers of a hand release their force, with which an opening begins."""

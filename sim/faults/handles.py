@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from functools import partial
 
 from planlang.faults.drawing import Drawn
 from planlang.faults.kinds import Kind, Opportunity
 from planlang.protocols import Motion, MotionState
-from sim.faults.faulty_world import FaultyWorld
 from sim.faults.injection import Event, Injection
 from sim.joints import JointKind
 
@@ -26,22 +25,18 @@ class Handles:
     """What goes wrong with contacts with handles."""
 
     def __init__(self, injection: Injection) -> None:
-        self._injection = injection
+        self._injection, self._truth = injection, injection.truth
         self._jammed: set[str] = set()
         """Leaves that do not move any more."""
         self.stopped: set[str] = set()
         """Links of hands that pull at a leaf which does not follow."""
-
-    @property
-    def _truth(self) -> FaultyWorld:
-        return self._injection.truth
 
     def taken(self, leaf: str, names: tuple[str, ...]) -> None:
         """Draw what goes wrong with a leaf whose handle a hand has just taken."""
         if leaf in self._jammed:
             self._injection.later(self._stays(leaf, None, 0.0))
             return
-        fault = self._injection.begins(Opportunity.HANDLE, (leaf, *names), self._can(leaf))
+        fault = self._injection.begins(Opportunity.HANDLE, (leaf, *names), partial(self._can, leaf=leaf))
         if fault is None:
             return
         match fault.kind.name:
@@ -56,13 +51,8 @@ class Handles:
                     self._jammed.add(leaf)
                 self._injection.later(self._stays(leaf, fault, 0.0))
 
-    def _can(self, leaf: str) -> Callable[[Kind, str | None, str | None], bool]:
-        joint = self._truth.leaf(leaf)
-
-        def can(kind: Kind, of: str | None, value: str | None) -> bool:
-            return kind.name != "falls_shut" or not joint.is_knob
-
-        return can
+    def _can(self, kind: Kind, of: str | None, value: str | None, leaf: str) -> bool:
+        return kind.name != "falls_shut" or not self._truth.leaf(leaf).is_knob
 
     def motion(self, group: str, motion: Motion) -> Motion:
         """Return the state of an arm's motion: it has stopped if it pulled at a leaf that does not follow."""

@@ -9,9 +9,9 @@ from functools import partial
 
 from planlang.faults.drawing import Drawn
 from planlang.faults.kinds import Kind, Opportunity
-from planlang.geometry import Pose
 from planlang.protocols import Detection
 from sim.faults.injection import Injection
+from sim.faults.things import aside
 from sim.world import order
 
 _BESIDE = (0.15, 0.4)
@@ -64,5 +64,4 @@ class Looks:
 
 def _beside(one: Detection, fault: Drawn) -> Detection:
     far, angle = _BESIDE[0] + fault.share("distance") * (_BESIDE[1] - _BESIDE[0]), 2 * math.pi * fault.share("angle")
-    x, y, z = one.pose.position
-    return replace(one, pose=Pose((x + far * math.cos(angle), y + far * math.sin(angle), z), one.pose.orientation))
+    return replace(one, pose=aside(one.pose, far, angle))

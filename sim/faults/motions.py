@@ -14,7 +14,6 @@ from planlang.faults.drawing import Drawn
 from planlang.faults.kinds import Kind, Opportunity
 from planlang.geometry import Pose
 from planlang.protocols import Group, GroupKind, Motion, MotionState, Trajectory
-from sim.faults.faulty_world import FaultyWorld
 from sim.faults.injection import Injection
 from sim.faults.things import Things
 from sim.scene import Body
@@ -47,15 +46,11 @@ class Motions:
     """What goes wrong with motions of arms, head and base."""
 
     def __init__(self, injection: Injection, things: Things) -> None:
-        self._injection, self._things = injection, things
+        self._injection, self._truth, self._things = injection, injection.truth, things
         self._cut: dict[str, Drawn] = {}
         """Groups -> what their last motion stops short by."""
         self.failed: dict[str, str] = {}
         """Groups whose motion ends before its goal -> the reason that their drivers report."""
-
-    @property
-    def _truth(self) -> FaultyWorld:
-        return self._injection.truth
 
     def start(self, group: Group, names: Sequence[str], trajectory: Trajectory) -> Trajectory:
         """Return the trajectory that the group follows in truth; ``names`` are what its arms are called."""

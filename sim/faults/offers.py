@@ -5,7 +5,6 @@ from __future__ import annotations
 from planlang.faults.drawing import Drawn
 from planlang.faults.kinds import Opportunity
 from planlang.records import dataclass
-from sim.faults.faulty_world import FaultyWorld
 from sim.faults.injection import Event, Injection
 
 _LATE = (5.0, 12.0)
@@ -33,12 +32,8 @@ class Offers:
     """What goes wrong with offers to persons."""
 
     def __init__(self, injection: Injection) -> None:
-        self._injection = injection
+        self._injection, self._truth = injection, injection.truth
         self._offers: dict[tuple[str, str], _Offer] = {}
-
-    @property
-    def _truth(self) -> FaultyWorld:
-        return self._injection.truth
 
     def heeds(self, person: str, thing: str) -> bool:
         """Check whether a person heeds what is held out to it; asked in each step of an offer."""

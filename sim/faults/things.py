@@ -11,7 +11,6 @@ import numpy as np
 from planlang.faults.drawing import Drawn
 from planlang.faults.kinds import Kind
 from planlang.geometry import Pose
-from sim.faults.faulty_world import FaultyWorld
 from sim.faults.injection import Injection
 from sim.truth import is_inside
 
@@ -31,11 +30,7 @@ class Things:
     """What goes wrong with things."""
 
     def __init__(self, injection: Injection) -> None:
-        self._injection = injection
-
-    @property
-    def _truth(self) -> FaultyWorld:
-        return self._injection.truth
+        self._injection, self._truth = injection, injection.truth
 
     def can(self, kind: Kind, of: str | None) -> bool:
         """Check whether somebody could move or take away a thing, that of a name if one is stated."""
@@ -65,7 +60,7 @@ class Things:
         distances = (least + (most - least) * fault.share("distance"), *np.linspace(least, most, _FARTHER).tolist())
         turns = [2 * math.pi * (first + number / _TRIES) for number in range(_TRIES)]
         for away, turn in product(distances, turns):
-            pose = _aside(here, away, turn)
+            pose = aside(here, away, turn)
             if self._truth.could_stand(name, pose, out_of):
                 return pose
         return None
@@ -75,7 +70,7 @@ class Things:
         here = self._truth.pose(name)
         turns = [2 * math.pi * number / _TRIES for number in range(_TRIES)]
         return any(
-            self._truth.could_stand(name, _aside(here, far, turn), out_of)
+            self._truth.could_stand(name, aside(here, far, turn), out_of)
             for far, turn in product(np.linspace(*distances, _FARTHER).tolist(), turns)
         )
 
@@ -114,6 +109,7 @@ class Things:
         return found
 
 
-def _aside(pose: Pose, far: float, angle: float) -> Pose:
+def aside(pose: Pose, far: float, angle: float) -> Pose:
+    """Shift a pose by a distance [m] in a direction of the map [rad]."""
     x, y, z = pose.position
     return Pose((x + far * math.cos(angle), y + far * math.sin(angle), z), pose.orientation)
