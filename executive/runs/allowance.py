@@ -34,8 +34,8 @@ class Allowance(NamedTuple):
     """Plan time [s]."""
     attempts: int
     """Retries of recoveries and further base poses."""
-    searches: int | None = None
-    """Searches for places; None for any number."""
+    searches: int
+    """Searches for places."""
 
     @staticmethod
     def of(source: PlanSource, bound: Mapping[str, Bound], before: int, settings: SituationSettings) -> Allowance:
@@ -69,4 +69,4 @@ class Allowance(NamedTuple):
     def _ends(self, failure: BudgetExceeded) -> bool:
         """Check whether a failure is of this, and not of a budget in the plan."""
         is_mine = (failure.seconds, failure.attempts) == (self.seconds, self.attempts)
-        return is_mine or (self.searches is not None and failure.used.get(SEARCHES) == self.searches)
+        return is_mine or failure.used.get(SEARCHES) == self.searches

@@ -58,13 +58,9 @@ class Identities:
 class TrueEffects(Physics):
     """The simulated world, in which declared effects on believed things come true for those that these are."""
 
-    @staticmethod
-    def of(truth: PyBulletWorld, scene: PlanningScene) -> TrueEffects:
+    def __init__(self, truth: PyBulletWorld, scene: PlanningScene) -> None:
         """Make them for what is believed in a planning scene."""
-        return TrueEffects(truth, Identities(truth, scene))
-
-    def __init__(self, truth: PyBulletWorld, identities: Identities) -> None:
-        self._truth, self._of = truth, identities.of
+        self._truth, self._of = truth, Identities(truth, scene).of
 
     @property
     def changed(self) -> int:

@@ -203,7 +203,7 @@ class Run:
             found += able_robots(self.files, lambda one: not self._assessment(subject, one).missing)
         options.announce(found)
         platform, truth = self._assemble(subject, robot, given, held)
-        executive = RobotExecutive(platform, self._modules, TrueEffects.of(truth, platform.scene))
+        executive = RobotExecutive(platform, self._modules, TrueEffects(truth, platform.scene))
         if not isinstance(earlier, Past):  # skipped steps may have destroyed the thing of a parameter
             self._check_things(subject, executive)
         if self._lacks(assessment):  # after the map: another robot would not help

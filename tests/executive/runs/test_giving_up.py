@@ -19,7 +19,7 @@ async def reach_in_vain() -> None:
 
 
 def test_a_plan_that_repeats_for_ever_gives_up_after_a_number_of_attempts() -> None:
-    body = body_of(reach_in_vain, {}, Allowance(1e6, attempts := 5))
+    body = body_of(reach_in_vain, {}, Allowance(1e6, attempts := 5, 10**6))
     run = run_plan(body, script=Script().on("Reaching", fails=ManipulationGoalNotReached))
     assert isinstance(run.failure, BudgetExceeded)
     assert run.failure.used == {"with_failure_handling": attempts}
@@ -36,7 +36,7 @@ def test_a_recovery_that_itself_never_ends_is_ended_by_the_time_of_the_run() -> 
         await perform(action("Reaching"), recoveries=[Recovery(ManipulationGoalNotReached, back_off)])
 
     script = Script().on("Reaching", fails=ManipulationGoalNotReached).on("SteppingBack", after=1e5)
-    run = run_plan(body_of(reach, {}, Allowance(60.0, 5)), script=script)
+    run = run_plan(body_of(reach, {}, Allowance(60.0, 5, 10**6)), script=script)
     assert isinstance(run.failure, BudgetExceeded)
     assert "is used up, last by SteppingBack: " in str(run.failure)
     assert run.seconds == 60.0
@@ -44,6 +44,6 @@ def test_a_recovery_that_itself_never_ends_is_ended_by_the_time_of_the_run() -> 
 
 def test_a_plan_that_takes_too_long_gives_up_after_a_time_of_the_plan() -> None:
     script = Script(takes=10.0).on("Reaching", fails=ManipulationGoalNotReached)
-    run = run_plan(partial(body_of(reach_in_vain, {}, Allowance(60.0, 10**6))), script=script)
+    run = run_plan(partial(body_of(reach_in_vain, {}, Allowance(60.0, 10**6, 10**6))), script=script)
     assert isinstance(run.failure, BudgetExceeded)
     assert run.failure.seconds == run.seconds == 60.0
