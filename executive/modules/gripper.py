@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from contextlib import suppress
 
-from executive.modules.looking.verifying import begin_to_watch, check_is_in_hand
-from executive.modules.platform import PlatformModule
+from executive.modules.platform import STANDS, PlatformModule
+from executive.modules.verifying import begin_to_watch, check_is_felt, check_is_in_hand, check_is_where_put
 from executive.robots.arms import ArmModel
 from planlang.designators import (
     Action,
@@ -38,13 +38,18 @@ class Grasping(PlatformModule):
     failures = (GripperFailure, ObjectLost, DesignatorFailure)
 
     def resources(self, action: Action) -> tuple[str, ...]:
-        """Return the arm that carries the gripper, because it must not move meanwhile."""
-        return tuple(arm.name for arm in self._arms(action)[:1])
+        """Return the arm that carries the gripper, because it must not move meanwhile.
+
+        And the head, if something is let go, which looks at what becomes of it.
+        """
+        arms = tuple(arm.name for arm in self._arms(action)[:1])
+        lets_go = not self._closes(action) and any(map(self.platform.scene.arms.held, arms))
+        return (*arms, "head") if lets_go and self.platform.robot.camera is not None else arms
 
     async def execute(self, action: Action) -> str | None:
         """Open or close the gripper; return the name of the object grasped or released.
 
-        Raises GraspMissed if the fingers close on nothing.
+        Raises GraspMissed if the fingers close on nothing, and ObjectLost if what was let go is not where it was put.
         """
         arms = self._arms(action)
         if not arms and self.platform.belief.held:
@@ -97,19 +102,27 @@ class Grasping(PlatformModule):
         return name
 
     async def _open(self, arm: ArmModel) -> str | None:
-        hands, held = self.platform.hands, self.platform.scene.arms.held(arm.name)
-        if held is not None:
-            self.platform.check_hold([arm.name])
-            mates = self.platform.scene.arms.mates(arm.name)
-            await hands.release((*mates, arm), held.name, self.platform.arms.opening)
-        else:
-            motion = await hands.move(arm, closed=False, fingers=self.platform.arms.opening(arm))
+        platform, hands, held = self.platform, self.platform.hands, self.platform.scene.arms.held(arm.name)
+        if held is None:
+            motion = await hands.move(arm, closed=False, fingers=platform.arms.opening(arm))
             if motion.state is not MotionState.DONE:
-                raise GripperGoalNotReached(arm=arm.name, blocked_by=self.platform.sensing.met(motion))
+                raise GripperGoalNotReached(arm=arm.name, blocked_by=platform.sensing.met(motion))
             return None
+        platform.check_hold([arm.name])
+        is_taken, opened = platform.world.pulled(arm.tip), platform.arms.opening(arm)
+        stands = platform.scene.world.height_above_support(held.name) <= STANDS
+        begin_to_watch(platform, held.name)
+        mates = platform.scene.arms.mates(arm.name)
+        await hands.release((*mates, arm), held.name, platform.arms.opening)
         # The object has left the hand even if an obstacle beside it keeps the fingers from opening fully.
         await hands.settled(held.name)
-        self.platform.arms.put_down(arm, held.name)
+        platform.arms.put_down(arm, held.name)
+        if is_taken:
+            return held.name
+        if platform.robot.camera is not None:
+            await check_is_where_put(platform, held.name)
+        elif stands and not mates:
+            await check_is_felt(platform, arm, held.name, opened)
         return held.name
 
 

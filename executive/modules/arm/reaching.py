@@ -17,6 +17,7 @@ from executive.locations.supposed import at_rest
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.arm_paths import ITERATIONS
 from executive.modules.runner import Skill, first_failure, nothing
+from executive.modules.verifying import check_is_where_put
 from executive.modules.ways_out import planned, way_out_of_arm
 from executive.motion import MotionError, NoPath
 from executive.robots.arms import ArmModel
@@ -45,6 +46,7 @@ from planlang.geometry import Array
 from planlang.kernel import checkpoint
 from planlang.language.performing import perform
 from planlang.language.process_module import process_module
+from planlang.language.resources import using
 from planlang.protocols import Trajectory
 from planlang.relations.reaching import InCenterOf
 
@@ -324,12 +326,22 @@ class HandReaching(HandWork):
             case ReachKind.RETREAT:
                 for pose in solution.plan.poses[-len(solution.joints) :]:
                     await self.straight(arm, pose, solution.plan.touches, label)
+                await self._look_back(solution.reach.body)
             case ReachKind.GRASP if grasps:
                 if not self.platform.arms.is_at(arm, first):
                     await self._joint_path(arm, first, None, label, iterations=iterations)
                 await self.straight(arm, solution.plan.poses[1], solution.plan.touches, label)
             case _:
                 await self._joint_path(arm, first, None, label, iterations=iterations)
+
+    async def _look_back(self, name: str) -> None:
+        """Look at a thing that was put down from which the hand has drawn back, if it was in the hand's shade before.
+
+        Raises ObjectLost if it is not where it was put.
+        """
+        if self.platform.robot.camera is not None and not self.platform.belief.seen_from_here(name):
+            async with using("head"):
+                await check_is_where_put(self.platform, name)
 
     async def _joint_path(
         self,

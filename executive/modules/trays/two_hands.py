@@ -21,6 +21,7 @@ from executive.locations.rejections import Rejections
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.runner import Skill, each, nothing
 from executive.modules.trays.pair_paths import LIFT, PairGrasp, PairPaths, PairPlace
+from executive.modules.verifying import begin_to_watch, check_is_where_put
 from executive.motion import MotionError
 from executive.robots.arm_pair import ArmPair
 from planlang.designators import Action, Location, Object, resting_on
@@ -381,8 +382,10 @@ class TwoHands(HandWork):
         platform, paths = self.platform, self._holding(name)
         arms = paths.pair.arms
         platform.check_hold([arm.name for arm in arms])
+        begin_to_watch(platform, name)
         await platform.hands.release(arms, name, platform.arms.opening)
         await platform.hands.settled(name)
+        await check_is_where_put(platform, name)
         await self._go(paths, paths.away(name), name)
         await self.tuck()
 
