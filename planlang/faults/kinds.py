@@ -123,6 +123,8 @@ KINDS: Sequence[Kind] = (
          Sense.CAMERA, ("HandoverNotTaken", "ObjectNotFound", "ObjectNowhereToBeFound"), recovers=False),
     Kind("thing", "slips", Opportunity.CARRYING, "the thing slips out of the hand while it is carried",
          Sense.FINGERS, ("ObjectLost",), value="SECONDS"),
+    Kind("thing", "rolls", Opportunity.OPENING, "the thing rolls away from where a hand has put it down",
+         Sense.CAMERA, ("ObjectLost",), value="METRES"),
     Kind("thing", "moves", Opportunity.BASE, "somebody moves a thing on what it stands on",
          Sense.CAMERA, ("ObjectNotFound", "GraspMissed", "ManipulationPoseUnreachable"), value="METRES"),
     Kind("thing", "is_gone", Opportunity.BASE, "somebody takes a thing away for good",

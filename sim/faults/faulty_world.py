@@ -93,7 +93,8 @@ class FaultyWorld(PyBulletWorld):
     def could_stand(self, name: str, pose: Pose, out_of: str | None = None) -> bool:
         """Check whether a body could stand at a pose on what it stands on now, clear of all else.
 
-        ``out_of`` is the link of a hand between whose fingers it must not be.
+        ``out_of`` is the link of a hand between whose fingers it must not be. Of a body that a hand still holds, it is
+        not asked whether the robot leaves room for it: the hand goes on.
         """
         before, support = self.pose(name), self.support(name)
         if support is None:
@@ -102,7 +103,7 @@ class FaultyWorld(PyBulletWorld):
         try:
             rest, below = self.gravity.rest(name)
             is_level = below == support and abs(rest.position[2] - pose.position[2]) <= _LEVEL
-            is_free = is_level and not self._near(name, {support}) and self.is_clear(name)
+            is_free = is_level and not self._near(name, {support}) and (name in self.held or self.is_clear(name))
             return is_free and (out_of is None or not self._is_between(name, out_of))
         finally:
             self._bodies.place(name, before)

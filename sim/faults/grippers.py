@@ -35,7 +35,11 @@ class Grippers:
 
     def lets_go(self, link: str, names: Sequence[str]) -> bool:
         """Check whether the fingers of a hand release their force, with which an opening begins."""
-        return link not in self._broken and self._opening(link, names) is None
+        fault, thing = self._opening(link, names), self._things.put_down_by(link)
+        if fault is not None and thing is not None and fault.kind.part == "thing":
+            self._things.rolls(thing, replace(fault, of=thing), link)
+            fault = None
+        return link not in self._broken and fault is None
 
     def start(self, group: Group, link: str, names: Sequence[str], trajectory: Trajectory) -> Trajectory:
         """Return the trajectory that the fingers of a hand follow in truth; ``names`` are what its arm is called."""
@@ -48,7 +52,7 @@ class Grippers:
             del self._openings[link]  # the next one is another, even in the same step
         else:
             fault = self._injection.begins(Opportunity.CLOSING, names, partial(self._can, link=link))
-        if fault is None:
+        if fault is None or fault.kind.part == "thing":
             return trajectory
         match fault.kind.name:
             case "misses":
@@ -87,9 +91,14 @@ class Grippers:
     def _opening(self, link: str, names: Sequence[str]) -> Drawn | None:
         """Draw what goes wrong with an opening, once: it begins with the release of force, or with the motion."""
         if self._openings.get(link, (-1, None))[0] != self._truth.steps:
-            fault = self._injection.begins(Opportunity.OPENING, names, lambda kind, of, value: True)
+            thing = self._things.put_down_by(link)
+            names = names if thing is None else (*names, thing)
+            fault = self._injection.begins(Opportunity.OPENING, names, partial(self._can_open, link=link, thing=thing))
             self._openings[link] = self._truth.steps, fault
         return self._openings[link][1]
+
+    def _can_open(self, kind: Kind, of: str | None, value: str | None, link: str, thing: str | None) -> bool:
+        return kind.part != "thing" or (thing is not None and self._things.can_roll(thing, link))
 
     def _can(self, kind: Kind, of: str | None, value: str | None, link: str) -> bool:
         if kind.name != "misses":

@@ -1,4 +1,4 @@
-"""Faults of things: somebody moves one, or takes it away, and things that slip out of the hand that carries them."""
+"""Faults of things: somebody moves one, or takes it away; they slip out of a hand, or roll away from where it was."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from sim.truth import is_inside
 
 _MOVED = (0.1, 0.3)
 """Distances by which somebody moves a thing [m]."""
+_ROLLED = (0.15, 0.3)
+"""Distances by which a thing that was put down rolls away [m]."""
 _TRIES = 24
 """Number of places that are tried for a thing."""
 _FARTHER = 3
@@ -65,9 +67,14 @@ class Things:
                 return pose
         return None
 
-    def can_slide(self, name: str, distances: tuple[float, float], *, out_of: str | None = None) -> bool:
-        """Check whether there is such a place at some distance [m], from the least to the most."""
-        here = self._truth.pose(name)
+    def can_slide(
+        self, name: str, distances: tuple[float, float], *, out_of: str | None = None, here: Pose | None = None
+    ) -> bool:
+        """Check whether there is such a place at some distance [m], from the least to the most.
+
+        ``here``: the pose at which the thing stands; by default where it is.
+        """
+        here = here or self._truth.pose(name)
         turns = [2 * math.pi * number / _TRIES for number in range(_TRIES)]
         return any(
             self._truth.could_stand(name, aside(here, far, turn), out_of)
@@ -92,6 +99,31 @@ class Things:
             return True
 
         self._injection.later(slips)
+
+    def put_down_by(self, link: str) -> str | None:
+        """Find the thing that comes free once a hand opens: nobody else has hold of it."""
+        truth = self._truth
+        held = (one for one in truth.attached() if {*map(truth.hand_at, truth.holders(one))} == {link})
+        return next((one for one in held if truth.taken(one) is None), None)
+
+    def can_roll(self, name: str, link: str) -> bool:
+        """Check whether there is a place to which a thing could roll once a hand has let go of it."""
+        return self.can_slide(name, _ROLLED, out_of=link, here=self._truth.gravity.rest(name)[0])
+
+    def rolls(self, name: str, fault: Drawn, link: str) -> None:
+        """Let a thing roll away from where it has come to rest, out of a hand that opens."""
+
+        def event() -> bool:
+            if name in self._truth.attached() or self._truth.falling(name):
+                return False
+            far = (fault.between(*_ROLLED),) * 2 if fault.value else _ROLLED
+            pose = self.place(name, fault, *far, out_of=link)
+            if pose is not None:
+                self._truth.set_pose(name, pose)
+                self._injection.happens(fault)
+            return True
+
+        self._injection.later(event)
 
     def _free(self, of: str | None) -> list[str]:
         """List the things that somebody could take: those that stand where all can reach them."""

@@ -15,6 +15,8 @@ from sim.truth import Truth
 from tests.support.cli_runs import answer, invoke
 from tests.support.scenarios import parsed
 
+FILES = Path(__file__).resolve().parents[1] / "benchmarks" / "faults" / "files"
+
 
 def happened(run: planlang.RunResult) -> list[str]:
     assert run.faults is not None
@@ -62,6 +64,18 @@ def test_two_things_that_stand_in_the_way_one_after_the_other_each_stay_as_long_
 def test_a_bottle_is_fetched_from_a_cupboard_though_its_door_goes_wrong(fault: str) -> None:
     run = planlang.simulate("fetch_from_cabinet", fault=fault)
     assert (happened(run), run.message) == ([fault], "done")
+
+
+@pytest.mark.long
+def test_a_cup_that_rolls_away_from_where_it_was_put_is_put_there_again() -> None:
+    where = FILES / "strewn_room.omn"
+    run = planlang.simulate(FILES / "tidy_up.omn", robot="amigo", environment=where, fault="thing:rolls")
+    assert run.faults is not None
+    assert (happened(run), run.message) == (["thing:rolls"], "done")
+    at = run.faults.fired[0]["time"]
+    failed = next(one for one in run.trace if one["event"] == "ended" and "failure" in one)
+    assert failed["failure"]["message"].startswith("cup1 is not where it was put, on sideboard1, but 0.")
+    assert failed["step"] / 30 <= at + 1.0
 
 
 def test_a_door_that_never_moves_ends_in_a_failure_that_says_so() -> None:

@@ -19,8 +19,8 @@ WHAT = "faults"
 """Whose hash, with the commit, gives the seeds."""
 MEASURED = (*PRODUCT, "tests/benchmarks/faults")
 """What has to be committed: what is measured, with kinds, tasks and settings."""
-OF_PART = {"handle": "fetch", "door": "fetch", "device": "light"}
-"""Part of the robot or of the world -> the task in which its faults can happen, other than serving a drink."""
+ELSEWHERE = {"handle": "fetch", "door": "fetch", "device": "light", "thing:rolls": "tidy"}
+"""Part of the robot or of the world, or kind -> the task in which its faults can happen, if serving a drink is not."""
 OF_KIND = {"thing:moves": "thing.bottle1:moves", "camera:overlooks": "camera:overlooks=DrinkingBottle"}
 """Kind -> how it is stated, if not only by its name: so that it concerns the task."""
 AMONG: Mapping[str, int] = {
@@ -35,6 +35,7 @@ AMONG: Mapping[str, int] = {
     "handle:comes_loose": 2,
     "door:stuck": 2,
     "door:stops": 2,
+    "thing:rolls": 2,
 }
 """Kind -> opportunities for it that its task surely has, at which the worlds state it in turn; else the first."""
 
@@ -103,7 +104,8 @@ def _alike(worlds: int) -> Iterator[Cell]:
 def _kinds(worlds: int) -> Iterator[Cell]:
     for one in KINDS:
         if one.recovers:
-            yield Cell("kinds", OF_PART.get(one.part, "serve"), worlds, kind=str(one))
+            task = ELSEWHERE.get(str(one)) or ELSEWHERE.get(one.part, "serve")
+            yield Cell("kinds", task, worlds, kind=str(one))
 
 
 CELLS: Sequence[Cell] = (

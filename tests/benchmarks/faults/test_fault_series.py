@@ -50,7 +50,7 @@ def test_a_share_of_a_series_has_worlds_of_all_rows():
         "pr2": 20,
         "tasks": 36,
         "alike": 36,
-        "kinds": 115,
+        "kinds": 120,
     }
 
 
