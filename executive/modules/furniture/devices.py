@@ -2,13 +2,15 @@
 
 ``executive/maps/scene.py`` finds which of the two a device has, and where. A device shows by a lamp or display whether
 it is on: it is looked at before, because a push on its button would toggle one that is in the desired state already,
-and afterwards. A closed hand pushes a button along its normal, in one stroke.
+and afterwards. A robot without camera that trusts the map counts the pushes and turns instead. A closed hand pushes a
+button along its normal, in one stroke.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import islice
 
@@ -27,6 +29,7 @@ from executive.modules.runner import Skill
 from executive.modules.tools.motion_grounding import Grounding
 from executive.modules.tools.strokes import PLACES, Plane, Planned, StrokeWork
 from executive.robots.arms import ArmModel, too_far
+from planlang.changes import Switched
 from planlang.designators import Action, Object
 from planlang.failures import (
     ActionUnresolvable,
@@ -48,6 +51,7 @@ from planlang.kernel import compute_in_thread
 from planlang.language.process_module import process_module
 from planlang.motion_constraints import ConstraintsUnsatisfied, MotionConstraint, a_constraint, a_feature
 from planlang.protocols import Motion, Touch
+from planlang.state.matter import OFF, ON
 from sim.joints import AT_BUTTON, HALFWAY, Control
 
 ABOUT = ("object_acted_on", "device_used")
@@ -208,14 +212,27 @@ class Devices(HandWork):
             await (work.close() if is_turned else work.open())
         else:
             await self._push(control)
-        belief.doubted(control.device)
+        if self._counts():
+            matter = belief.state.matter
+            state = OFF if matter.is_on(control.device) else ON
+            switched = replace(belief.state, matter=matter.switched(control.device, state))
+            belief.happened(switched, Switched(control.device, state))
+        else:
+            belief.doubted(control.device)
+
+    def _counts(self) -> bool:
+        """Check whether the robot counts what its hand has felt, from the state that the map tells: it sees nothing."""
+        return self.platform.robot.camera is None and self.platform.belief.trusts_map
 
     async def _is_on(self, control: Control) -> bool:
-        """Look whether a device is on. Raises StateUnknown if that cannot be seen."""
+        """Look whether a device is on, or count. Raises StateUnknown if the robot can do neither."""
         device = control.device
-        if not await is_witnessed(self, device):
+        if not self._counts() and not await is_witnessed(self, device):
             is_blind = self.platform.robot.camera is None
-            unseen = "the robot has no camera to see it, and a push would toggle it: this takes a robot with a camera"
+            unseen = (
+                "the robot has no camera to see it, and a push would toggle it: this takes a robot with a camera, "
+                "or a map that can be trusted"
+            )
             reason = unseen if is_blind else "it was not seen from any base pose tried"
             raise StateUnknown(f"it is not known whether {device} is on: {reason}", what=device)
         return self.platform.belief.state.matter.is_on(device)

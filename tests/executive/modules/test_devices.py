@@ -183,6 +183,18 @@ def test_a_robot_without_a_camera_pushes_no_button_whose_device_it_cannot_see(st
     assert not stage.truth.matter.is_on("maker")
 
 
+def test_a_robot_without_a_camera_that_trusts_the_map_counts_its_pushes(stack: ExitStack) -> None:
+    """It starts from what the map says, off, and leaves alone what it has turned on."""
+    stage = room(stack, (TABLE, MAKER, button()), "panda", trusts_map=True)
+    stage.do(OFF, "maker")
+    assert not stage.truth.matter.is_on("maker")
+    stage.do(ON, "maker")
+    stage.do(ON, "maker")
+    assert stage.truth.matter.is_on("maker")
+    stage.do(OFF, "maker")
+    assert not stage.truth.matter.is_on("maker")
+
+
 def test_a_knob_that_the_map_has_turned_has_its_device_on(stack: ExitStack) -> None:
     oven = thing("oven", "Oven", Pose((1.5, 0.0, 0.4)) @ BACK, (0.6, 0.6, 0.8), "knob")
     knob = thing("knob", "ControlKnob", Pose((1.19, 0.0, 0.7)) @ BACK, (0.025, 0.04, 0.04))
