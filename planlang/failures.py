@@ -271,7 +271,7 @@ class ObjectUnfetchable(HighLevelFailure):
 
 
 class ObjectUndeliverable(HighLevelFailure):
-    """The robot holds the object, but finds no place from which to deliver it."""
+    """The robot finds no place from which to deliver the object."""
 
     text: ClassVar[str] = "the object cannot be delivered"
 

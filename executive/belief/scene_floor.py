@@ -21,6 +21,7 @@ from executive.motion.outlines import outlines
 from executive.robots import CARRYING
 from executive.robots.arms import ArmModel, RobotModel
 from planlang.geometry import Array
+from planlang.geometry.areas import Block
 from planlang.protocols import Configuration
 from sim import PlanningWorld, WorldMirror
 
@@ -34,6 +35,8 @@ MOST_FLOOR = 10_000.0
 """Largest area of a map for which base reachability is computed [m^2]."""
 MOST_REMOVED = 8
 """Bodies near the straight line to remove hypothetically, one at a time."""
+BESIDE = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+"""Sides of a block, in its frame."""
 TUCKED = 0.31
 """Offset of a hand with an object from where it carries things, along each axis, up to which it carries that [m]."""
 MOST_FLOORS = 12
@@ -168,6 +171,16 @@ class SceneFloor(ScenePart):
         Rules nothing out if the base is in collision, or if the map is larger than MOST_FLOOR.
         """
         return self._flooded(self._drivable, self.travelled(), LACKING)
+
+    def comes_near(self, block: Block, within: float) -> bool:
+        """Check whether the base can drive to within a distance of a block [m], as :meth:`has_way` says."""
+        here = np.array(self._world.configuration().base[:2])
+        ends = block.to_map((np.array([block.half_x, block.half_y]) + self._robot.base.radius + CELL) * BESIDE)
+        nearest = ends[np.argsort(np.hypot(*(ends - here).T).round(6), kind="stable")]
+        if any(map(self._goes_straight, map(tuple, nearest.tolist()))):  # no flood of the whole map is needed
+            return True
+        reached = self.reached()
+        return reached.beyond or bool((block.distance(reached.grid.centres()[reached.poses > 0]) <= within).any())
 
     def may_reach(self, base: BasePose) -> bool:
         """Check whether the base may be able to drive to a pose with the robot as it is now, as :meth:`drivable`."""

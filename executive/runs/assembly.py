@@ -27,6 +27,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.belief.snapshots import changed_since, with_changes
 from executive.locations import HandSolution, ReachKind, Resolver
 from executive.locations.supposed import at_rest, with_in_hand
+from executive.locations.ways_to_goals import check_goals
 from executive.maps import SemanticMap, default_starts
 from executive.modules.around_actions import RobotModule
 from executive.modules.effects import ActionEffects
@@ -41,6 +42,7 @@ from planlang.designators import Action, Condition, Device, FixedPose, Location,
 from planlang.diagnostics import BadInput, Span, error
 from planlang.failures import LocationUnresolvable, ObjectNotFound, ObjectUnresolvable
 from planlang.geometry.matrices import apart
+from planlang.language.performing import actions_around
 from planlang.language.process_module import ProcessModule
 from planlang.ontology import expand, shorten
 from planlang.progress import Report, unreported
@@ -268,7 +270,7 @@ class RobotExecutive:
 
         Before the search fails, hands that were given up are tried again, a thing that is unreachable by the map alone
         is looked at, and other robots that stand in the way get the time to leave. Raises ObjectNotFound for a thing
-        without a known pose.
+        without a known pose, and ObjectUndeliverable for one that is taken to where the base has no way.
         """
         if isinstance(location, FixedPose):
             yield Solution(self.platform.base_at(location), self.revision(), {})
@@ -278,6 +280,7 @@ class RobotExecutive:
             while True:
                 self.platform.observe()
                 try:
+                    check_goals(location, actions_around(), self.platform.scene)
                     bases = self._with_a_hand_left(location)
                     for solution in self.platform.ahead.first(str(location), bases, self._gets_away):
                         is_found = True
