@@ -348,7 +348,7 @@ class Changes:
         thing, pose = bodies.block(self.body), bodies.pose(self.body)
         low = bodies.block(support).high
         down = replace(thing, low=low, high=thing.high + low - thing.low)
-        if abs(low - thing.low) < STEP or not self._is_free(down, np.zeros(2), 0.0):
+        if thing.low - low < STEP or not self._is_free(down, np.zeros(2), 0.0):  # below its top it is inside
             return None
         x, y, z = pose.position
         changes = self._at(replace(pose, position=(x, y, z + low - thing.low)))

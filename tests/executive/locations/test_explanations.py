@@ -67,6 +67,14 @@ def test_a_thing_that_hangs_above_its_furniture_is_told_to_stand_on_it(make_stag
     assert next(make_stage(stand, replace(BOTTLE, pose=Pose((1.5, 0.0, 0.9)))).resolver.bases(TO_GRASP)) is not None
 
 
+def test_a_thing_inside_of_its_support_is_not_told_to_stand_on_top_of_it(make_stage: MakeStage) -> None:
+    box = Body("box", Pose((1.5, 0.0, 0.4)), (0.5, 0.5, 0.8), type="Box-Container", wall=0.02)
+    scene = make_stage(box, replace(BOTTLE, pose=Pose((1.5, 0.0, 0.12)))).platform.scene
+    assert scene.bodies.support("bottle") == "box"
+    changes = Changes("bottle", scene, Rejections(), lambda then: then.bodies.pose("bottle").position[2] > 0.5)
+    assert changes.helping() is None
+
+
 def test_supposing_leaves_the_belief_as_it_was(make_stage: MakeStage) -> None:
     stage = make_stage(TABLE, FAR_BACK)
     first = said(stage)
