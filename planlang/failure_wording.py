@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -9,6 +10,8 @@ from planlang.closure import grouped
 
 NO_WAY = "no way for the base"
 """Reason of a search for candidates that the base could not drive to."""
+HAIR = 1e-6
+"""Tolerance for rounding [g]."""
 
 
 def in_words(details: Mapping[str, Any]) -> str:
@@ -44,10 +47,19 @@ def closed_in_words(what: object, doors: Sequence[object]) -> str:
 
 
 def weight_in_words(what: object, mass: float, load: float, payload: float, hands: int) -> str:
-    """``pot1 weighs 3.9 kg with the 1.5 kg in it or on it, both hands carry 3 kg: 0.9 kg too much``; all in kg."""
+    """``pot1 weighs 3.9 kg with the 1.5 kg in it or on it, both hands carry 3 kg: 0.9 kg too much``; all in kg.
+
+    Of what is loaded it also says with how much in it or on it it could be carried, or that not even empty.
+    """
     carry = f"{'the hand carries' if hands == 1 else 'both hands carry'} {payload:g} kg"
     loaded = f" with the {load:g} kg in it or on it" if load else ""
-    return f"{what} weighs {mass:g} kg{loaded}, {carry}: {mass - payload:.3g} kg too much"
+    said = f"{what} weighs {mass:g} kg{loaded}, {carry}: {mass - payload:.3g} kg too much"
+    if not load:
+        return said
+    allowed = round(payload - (mass - load), 6)
+    if allowed < 0:
+        return f"{said}; empty it would still be {-allowed:.3g} kg too heavy"
+    return f"{said}; with {math.floor(1000 * allowed + HAIR) / 1000:g} kg in it or on it, it could be carried"
 
 
 def hands_in_words(what: object, needed: int, free: int, of: int) -> str:
