@@ -25,6 +25,7 @@ from planlang.geometry import Pose
 from planlang.language.performances import Performance, performance_of
 from planlang.ontology import expand, shorten
 from planlang.protocols import Detection
+from planlang.runs.run_tree import with_names
 from planlang.state import Grip
 from sim import PlanningWorld
 from sim.joints import Articulation
@@ -235,6 +236,11 @@ class KnownThings:
         if what.iri is None and is_meant and self._told.get(key) != name:
             self._told = {**self._told, key: name}  # hypotheses have a table of their own from here on
             self.tell("means", {"what": str(what), "name": name, "within": key[1]})
+
+    def with_names(self, text: str, within: str) -> str:
+        """Replace designators by class in a text by the names of the things that they mean at a path in the plan."""
+        around = ((one, path) for one, path in self._told if f"{within}/".startswith(f"{path}/" if path else ""))
+        return with_names(text, {str(one): self._told[one, path] for one, path in around})
 
     def _meant_in(self, performance: Performance, what: Object, near: BasePose) -> str | None:
         """Find what a designator by class means in a performance, and bind it if that is new; None without a match."""

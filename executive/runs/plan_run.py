@@ -402,8 +402,8 @@ class Run:
             )
             outcome, message = Outcome.DONE, "done"
         except PlanFailure as problem:
-            outcome, message, failed = Outcome.FAILED, explain(problem), problem
-            failure = Failure.of(problem)
+            message = executive.platform.belief.with_names(explain(problem), str(problem.where))
+            outcome, failed, failure = Outcome.FAILED, problem, Failure.of(problem)
         except KeyboardInterrupt:
             outcome, message = Outcome.INTERRUPTED, written.interrupted
         except Different as difference:

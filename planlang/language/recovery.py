@@ -394,7 +394,7 @@ _CLAUSE = re.compile(r"; | \(")
 def _first_sentence(message: str, reason: str) -> tuple[str, str]:
     """Join a message and the reason to at most :data:`MOST_WORDS` words; also return the reason if it is said whole.
 
-    What is too long is cut between clauses. Of a long reason the last clause is kept first: it says what would help.
+    What is too long is cut between clauses. Of a long reason the last clauses are kept: they say what would help.
     """
     words = message.split()
     if len(words) > MOST_WORDS:
@@ -403,8 +403,9 @@ def _first_sentence(message: str, reason: str) -> tuple[str, str]:
         return (short[-1] if short else f"{' '.join(words[:MOST_WORDS])} ...", "")
     if not reason or reason in message:
         return message, reason
-    measured, helping = (clauses := reason.split("; "))[0], clauses[-1]
-    for said in dict.fromkeys((reason, f"{measured}; {helping}" if len(clauses) > 1 else reason, helping, measured)):
+    measured, *others = clauses = reason.split("; ")
+    ends = ["; ".join(clauses[first:]) for first in range(1, len(clauses))]
+    for said in dict.fromkeys((reason, "; ".join((measured, *others[-1:])), *ends, measured)):
         if len(words) + len(said.split()) <= MOST_WORDS:
             return f"{message}; {said}" if message else said, reason if said == reason else ""
     return message, ""

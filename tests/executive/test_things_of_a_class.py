@@ -386,3 +386,16 @@ def test_a_recipe_that_brings_a_cup_while_one_is_seen_brings_them_all_also_when_
     assert run_plan_file(resumed).outcome is Outcome.DONE
     told = (tmp_path / "resumed.jsonl").read_text(encoding="utf-8").splitlines()
     assert ["cup2" in line for line in told if '"grasped"' in line] == [False, True]
+
+
+def test_a_failure_names_the_cup_that_was_meant() -> None:
+    robot = bundled("ontologies") / "robots" / "amigo.omn"
+    options = RunOptions(recipe=ANY_CUP / "bring_a_cup.omn", robot=robot, environment=ANY_CUP / "high_cup.omn")
+    failed = run_plan_file(options)
+    assert failed.outcome is Outcome.FAILED
+    first, *causes = failed.message.splitlines()
+    assert first.startswith(
+        "ObjectUnreachable: the object cannot be reached: cup1; cup1 is at 2.04 m, 0.58 m too high;"
+    )
+    assert any("no place found for in_reach_of(cup1)" in line for line in causes)
+    assert "Cup" not in failed.message

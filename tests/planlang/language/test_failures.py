@@ -16,7 +16,6 @@ from virtual_time import go
 from planlang import *
 from planlang import (
     PlanFailure,
-    PlanStructureError,
     VirtualHost,
     achieve,
     explain,
@@ -43,6 +42,7 @@ from planlang.failures import (
     ObjectLost,
     ObjectUnfetchable,
     ObjectUnreachable,
+    TooHeavy,
 )
 from planlang.kernel import CutShort
 
@@ -69,6 +69,14 @@ def test_the_message_is_built_from_the_fields() -> None:
         "no place found for in_reach_of(bottle1) (296 candidates: 200 out of reach, 96 in collision; "
         "in the way: bed1 90, cabinet1 6)"
     )
+
+
+def test_what_is_too_heavy_with_its_load_says_with_how_much_it_is_carried_or_that_not_even_empty() -> None:
+    full = TooHeavy(what="pot1", mass=3.9, load=1.5, payload=3.0, hands=2)
+    assert str(full).endswith("0.9 kg too much; with 0.6 kg in it or on it, it could be carried")
+    heavy = TooHeavy(what="pot1", mass=3.901, load=0.001, payload=3.6, hands=2)
+    assert str(heavy).endswith("0.301 kg too much; empty it would still be 0.3 kg too heavy")
+    assert str(TooHeavy(what="pot1", mass=4.0, payload=1.5)).endswith("the hand carries 1.5 kg: 2.5 kg too much")
 
 
 def test_fields_are_typed_and_named_and_inherited() -> None:
@@ -184,6 +192,11 @@ def test_the_first_line_of_an_explanation_has_at_most_40_words_and_what_would_he
     assert len(first.split()) <= 41, "with the class of the failure"
     assert first.endswith("; moved 0.2 m, cup1 could be reached")
     assert (figures in below) is not (figures in first)
+
+
+def test_of_a_reason_that_is_too_long_as_many_of_the_last_clauses_are_told_as_fit() -> None:
+    first, _ = explained(f"nothing was found {'that helps ' * 15}; cup1 is at 2.04 m, 0.58 m too high; up to 1.46 m")
+    assert first.endswith("cannot be reached: cup1; cup1 is at 2.04 m, 0.58 m too high; up to 1.46 m")
 
 
 def test_a_message_of_more_than_40_words_is_told_in_full_below() -> None:
