@@ -118,6 +118,16 @@ def side_of(scene: PlanningScene, door: Articulation, *, there: bool) -> FixedPo
     return FixedPose(x=float(x), y=float(y), yaw=math.atan2(out[1], out[0]))
 
 
+def is_gripped_from_beyond(scene: PlanningScene, door: Articulation) -> bool:
+    """Check whether all handles of a door between rooms are on its other side from where the base gets to."""
+    here, shut = side_of(scene, door, there=False), scene.world.scene.body(door.leaf)
+    if here is None or not door.handles:
+        return False
+    middle, grips = np.array(shut.pose.position[:2]), [scene.world.scene.body(one).pose for one in door.handles]
+    out = np.array([here.x, here.y]) - middle
+    return all(float(out @ (np.array(grip.position[:2]) - middle)) < 0.0 for grip in grips)
+
+
 def to_close(scene: PlanningScene, is_possible: IsPossible) -> str | None:
     """Find a door between rooms that is open, and with which closed something becomes possible; None without one."""
     belief = scene.belief

@@ -19,7 +19,7 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations.changes import CLOSE
 from executive.locations.headroom import way_out
 from executive.locations.rejections import NO_WAY
-from executive.locations.shut_ways import behind_doors, open_wide
+from executive.locations.shut_ways import behind_doors, is_gripped_from_beyond, open_wide
 from executive.locations.supposed import at_rest
 from executive.modules.arm.hand_work import HandWork
 from executive.modules.furniture.hand_paths import LeafPath
@@ -173,8 +173,7 @@ class LeafWork(HandWork):
 
         async def paths() -> AsyncIterator[LeafPath | None]:
             if joint.handle is None:
-                missing = f"{joint.leaf} has no handle; state one in the map as a part of it (properPhysicalParts)"
-                raise HandleNotReachable(f"{HandleNotReachable.text}: {missing} of the class Handle", what=joint.leaf)
+                raise self._without_handle("no handle")
             arms = self.hands_for(joint.handle, joint.leaf)
             await self.tuck()
             self._paths = LeafPaths(self.platform.scene, joint, self._home, only_there=self._share is not None)
@@ -195,6 +194,8 @@ class LeafWork(HandWork):
                 behind = behind_doors(self.platform.scene, self._paths.is_reached, joint.leaf, wanted, (joint.leaf,))
                 if behind is not None:
                     return behind
+                if joint.frame and is_gripped_from_beyond(self.platform.scene, joint):
+                    return self._without_handle("its handle on the other side and none on this")
             if count == WAYS and abs(self._value() - start) > NO_FURTHER * joint.upper:
                 at = f"{joint.leaf} is only at {self._value():.2f} after {count} motions"
                 return ContainerStuck(at, what=joint.leaf)
@@ -215,6 +216,11 @@ class LeafWork(HandWork):
             most=WAYS,
             otherwise=otherwise,
         )
+
+    def _without_handle(self, has: str) -> HandleNotReachable:
+        leaf = self._joint.leaf
+        missing = f"{leaf} has {has}; state one in the map as a part of it (properPhysicalParts) of the class Handle"
+        return HandleNotReachable(f"{HandleNotReachable.text}: {missing}", what=leaf)
 
     def _leaves_a_way(self, path: LeafPath | None) -> bool:
         """Check whether the base gets away once a path has moved the leaf, and what later steps do with it has a way.
