@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from contextlib import suppress
 from copy import copy
 from dataclasses import replace
@@ -10,6 +10,7 @@ from typing import Self
 
 import numpy as np
 
+from executive.belief.scene_part import Kept
 from executive.modules.commanding import Control
 from executive.motion import (
     JointSpace,
@@ -28,6 +29,8 @@ from planlang.protocols import Trajectory
 
 ITERATIONS = 1000
 """Iterations of the path search (RRT) before it gives up."""
+SEARCHES = 2
+"""Searches for one path in one scene: chance guides a search, so that a second one may find what the first did not."""
 SHARE = 0.8
 """Share of a held object's largest tilt that paths may use, a margin because they are checked at samples only."""
 HAIR = 1e-6
@@ -50,11 +53,12 @@ class ArmPaths:
 
     def __init__(self, control: Control, rng: np.random.Generator) -> None:
         self._control, self._rng = control, rng
+        self._in_vain: Kept[dict[Hashable, list[NoPath]]] = Kept(1)
 
     def supposing(self, control: Control) -> Self:
         """Make the same arms of a robot that is supposed; what is planned for it changes no later path of this one."""
         other = copy(self)
-        other._control, other._rng = control, np.random.default_rng(0)
+        other._control, other._rng, other._in_vain = control, np.random.default_rng(0), Kept(1)
         return other
 
     def path(
@@ -71,8 +75,21 @@ class ArmPaths:
 
         The hand may touch the body ``touches``. Keeps the held object upright if its class requires it. A slow torso
         leaves the heights of start and goals only if there is no other way, and never if it is to be ``still``. Raises
-        a MotionError if no path is found within ``iterations``.
+        a MotionError if no path is found within ``iterations``, at once if :data:`SEARCHES` have found none from here.
         """
+        question = (arm.name, touches, iterations, still, *(one.tobytes() for one in (goal, *others)))
+        in_vain = self._in_vain.of(self._control.scene.content(), dict).setdefault(question, [])
+        if len(in_vain) == SEARCHES:
+            raise in_vain[-1].with_traceback(None)
+        try:
+            return self._path(arm, goal, touches, iterations, others, still=still)
+        except NoPath as problem:
+            in_vain.append(problem)
+            raise
+
+    def _path(
+        self, arm: ArmModel, goal: Array, touches: str | None, iterations: int, others: Sequence[Array], *, still: bool
+    ) -> Trajectory:
         control = self._control
         chain, base, start = arm.chain, control.base(), control.arm_joints(arm)
         quick = control.scene.collisions.quick_check(arm, touches)

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from executive.motion import Gaze, GoalInCollision, MotionError, StartInCollision, time_curve
+from executive.motion import Gaze, GoalInCollision, MotionError, NoPath, StartInCollision, time_curve
 from executive.motion.kinematics import Chain
 from executive.motion.trajectories import LARGEST_STRAY, cartesian_path, keeps_line
 from executive.robots import bind_robot
@@ -21,7 +21,7 @@ from executive.robots.arms import gaze_of
 from planlang.geometry import Array, Pose
 from planlang.protocols import Configuration, Trajectory
 from sim import Body, PlanningWorld, Scene
-from tests.executive.conftest import MakeStage
+from tests.executive.conftest import MakeStage, stand
 from tests.support.examples import examples
 
 
@@ -233,3 +233,27 @@ def test_what_is_ahead_is_met_within_half_a_step_of_the_table(gaze: Gaze) -> Non
 
 def test_what_is_behind_is_beyond_the_neck(gaze: Gaze) -> None:
     assert gaze.at(np.array([-2.0, 0.0, 1.0]))[1] > 0.5
+
+
+def test_a_path_that_two_searches_missed_is_sought_again_only_once_something_has_changed(make_stage: MakeStage) -> None:
+    stage = make_stage(TABLE)
+    platform, arm = stage.platform, stage.platform.scene.arms.all[0]
+
+    def is_missed(goal: Array) -> bool:
+        try:
+            platform.arms.path(arm, goal, iterations=1)
+        except MotionError as problem:
+            return isinstance(problem, NoPath)
+        return False
+
+    def draws() -> object:
+        return platform.rng.bit_generator.state["state"]
+
+    goal = next(q for q in arm.chain.sample(np.random.default_rng(0), 500) if is_missed(q))
+    assert is_missed(goal)
+    drawn = draws()
+    assert is_missed(goal)
+    assert draws() == drawn, "not sought a third time"
+    stand(stage, (-2.0, 0.0, 0.0))
+    platform.arms.path(arm, goal)
+    assert draws() != drawn
