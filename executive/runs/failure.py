@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,12 @@ class Failure:
             tuple(Failure(type(link).__name__, str(link), _where(link)) for link in causes),
             advised_changes(links),
         )
+
+    def reworded(self, reword: Callable[[str], str]) -> Failure:
+        """Make the same failure with other words in its sentences, and in those of its causes."""
+        advice = None if self.advice is None else reword(self.advice)
+        causes = tuple(one.reworded(reword) for one in self.causes)
+        return replace(self, message=reword(self.message), advice=advice, causes=causes)
 
     @property
     def types(self) -> tuple[str, ...]:

@@ -402,8 +402,9 @@ class Run:
             )
             outcome, message = Outcome.DONE, "done"
         except PlanFailure as problem:
-            message = executive.platform.belief.with_names(explain(problem), str(problem.where))
-            outcome, failed, failure = Outcome.FAILED, problem, Failure.of(problem)
+            named = partial(executive.platform.belief.with_names, within=str(problem.where))
+            message, failure = named(explain(problem)), Failure.of(problem).reworded(named)
+            outcome, failed = Outcome.FAILED, problem
         except KeyboardInterrupt:
             outcome, message = Outcome.INTERRUPTED, written.interrupted
         except Different as difference:

@@ -399,3 +399,7 @@ def test_a_failure_names_the_cup_that_was_meant() -> None:
     )
     assert any("no place found for in_reach_of(cup1)" in line for line in causes)
     assert "Cup" not in failed.message
+    assert failed.failure is not None
+    told = [failed.failure, *failed.failure.causes]
+    assert [str(one) for one in told if "Cup" in str(one)] == []
+    assert failed.failure.advice is not None
