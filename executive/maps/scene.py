@@ -241,7 +241,8 @@ def _opened(
         thing, names = semantic_map.find(body.iri), ", ".join(one.name for one in content)
         span = None if thing is None else thing.span
         if openings:
-            message = f"{names} inside {body.name}, which is hollow at {', '.join(openings)}"
+            others = [one for one in openings if one != body.name]
+            message = f"{names} inside {body.name}, which is hollow{' at ' if others else ''}{', '.join(others)}"
             notes.append(note("M013", message, span))
         elif body.name not in all_compartments():
             message = f"{names} inside {body.name}, which is modelled as a solid box: out of reach"

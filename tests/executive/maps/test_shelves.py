@@ -104,7 +104,7 @@ def test_what_lies_on_a_board_is_within_reach(map_of: Read, thing: Write, seen: 
     read = map_of(*frames, seen("shelf1", (0.0, 0.0, 0.9)), seen("tool1", (0.0, 0.0, 0.915)))
     scene = scene_of(read, found)
     assert scene.body("tool1").graspable
-    assert [one.message for one in found] == ["tool1 inside shelf1, which is hollow at shelf1"]
+    assert [one.message for one in found] == ["tool1 inside shelf1, which is hollow"]
 
 
 def test_what_hangs_in_the_air_over_a_board_is_reported_with_the_board(map_of: Read, thing: Write, seen: Write) -> None:
