@@ -176,7 +176,7 @@ def _card(node: TaskNode, failures: Failures, wording: Wording, rate: float) -> 
         trying = step if events or (trying is None and (step.kind == "plan" or step.parent is None)) else trying
         step = step.parent
     failure = failures.index[ended_by.number]
-    for action in _actions(trying or node, node.last):
+    for action in _actions(trying or node, node):
         text = _ended(action, failures, wording, failure)
         tried[action.first, action.number] = [round(action.start or 0.0, 4), action.number, text]
     return {
@@ -197,15 +197,19 @@ def _without_known(one: Happened, node: TaskNode) -> Happened:
     return replace(one, details={key: value for key, value in one.details.items() if key != "failure"})
 
 
-def _actions(construct: TaskNode, last: int) -> Iterator[TaskNode]:
-    """Yield the actions in a construct that began before a position in the trace, the innermost of nested ones."""
-    inside = [child for child in construct.children if child.first < last] if not construct.is_request else []
+def _actions(construct: TaskNode, node: TaskNode) -> Iterator[TaskNode]:
+    """Yield the actions in a construct that began before a node ended, the innermost of nested ones.
+
+    An action around the node that went on after its failure is none of what was tried before.
+    """
+    inside = [child for child in construct.children if child.first < node.last] if not construct.is_request else []
     has_inner = False
     for child in inside:
-        for one in _actions(child, last):
+        for one in _actions(child, node):
             has_inner = True
             yield one
-    if not has_inner and construct.kind == "perform" and construct.start is not None:
+    goes_on = construct.ended != node.ended and node.within(construct)
+    if not has_inner and construct.kind == "perform" and construct.start is not None and not goes_on:
         yield construct
 
 

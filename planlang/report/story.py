@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from planlang.object_changes import state_word
+from planlang.records import dataclass
 from planlang.report.failures import Failures
 from planlang.report.tree import is_origin, pose_text, shown
 from planlang.report.wording import Wording, duration
@@ -23,8 +24,8 @@ def story_of(tree: RunTree, wording: Wording, failures: Failures, end: float) ->
         sentences += _happened(node, tree.rate)
         if not node.inner and node.start is not None:
             sentences += _steps(node, wording, failures)
-    values = dict[str, float]()
-    learnt = ((_learnt(one.details, values), one) for one in tree.belief)
+    leaves = dict[str, _Leaf]()
+    learnt = ((_learnt(one.details, leaves), one) for one in tree.belief)
     told = {(one.step, text): one for text, one in learnt if text is not None}  # two hands take a thing once
     for (step, text), one in told.items():
         said = _sentence(text) if text.startswith("the robot ") else f"{text}."  # a name is written as it is
@@ -51,19 +52,36 @@ _LEARNT = {
 _FAILS = " fails: "
 
 
-def _learnt(details: Mapping[str, Any], values: dict[str, float]) -> str | None:
-    """Tell what the robot learns; None of what is of no interest. ``values`` has the last position of each leaf."""
+@dataclass(slots=True)
+class _Leaf:
+    """A door or drawer: its position [rad, m], and that in which a hand last let go of it."""
+
+    value: float = 0.0
+    before: float = 0.0
+
+    def left(self, name: str) -> str | None:
+        """Tell how far it is open, if it is, now that a hand lets go; large ones are moved in several pulls."""
+        before, self.before = self.before, self.value
+        if self.value < CLOSED:
+            return None
+        if before < CLOSED:
+            return f"{name} stands open"
+        return f"{name} is {'opened further' if self.value >= before else 'partly closed'}"
+
+
+def _learnt(details: Mapping[str, Any], leaves: dict[str, _Leaf]) -> str | None:
+    """Tell what the robot learns; None of what is of no interest. ``leaves`` are the doors and drawers so far."""
     name, change = shown(details.get("name", "something")), details.get("change")
     match details:
         case {"to": str(person)} if change in _LEARNT:
             return f"the robot hands {name} to {shown(person)}"
         case {"change": "switched", "state": str(state)}:
-            return f"{name} is {state_word(state)}"
+            return f"{name} is {state_word(state).lower()}"
         case {"change": "led", "value": int() | float() as value}:
-            values[name] = value
+            leaves.setdefault(name, _Leaf()).value = value
             return f"{name} is closed" if value < CLOSED else None
         case {"change": "let go"}:
-            return f"{name} stands open" if values.get(name, 0.0) >= CLOSED else None
+            return None if (leaf := leaves.get(name)) is None else leaf.left(name)
         case {"change": "stays open", "because": str(reason)}:
             return f"{name} stays open: {shown(reason)}"
     return _LEARNT[change].format(name) if change in _LEARNT else None
@@ -147,12 +165,13 @@ def _event(one: Happened, before: Happened | None) -> tuple[str, str] | None:
             return None if is_told else (f"The plan tries again: attempt {number}", "recovery")
         case "recovery", {"decision": str(decision)} if decision in DECISIONS and decision != "propagate":
             return DECISIONS[decision], "recovery"
-        case "solution", {"base": list(base), "attempt": int(number)}:
-            ordinal = "a" if number == 1 else "another"
-            return (
-                f"The robot chooses {ordinal} place to stand: {pose_text(base)}",
-                "recovery" if number > 1 else "begin",
-            )
+        case "solution", {"base": list(base), "attempt": 1}:
+            return f"The robot chooses a place to stand: {pose_text(base)}", "begin"
+        case "solution", {"base": list(base)}:
+            failed = [] if before is None else before.details.get("base", [])  # what was learnt there may help there
+            is_same = pose_text(failed) == pose_text(base)
+            how = "tries again from the same place" if is_same else "chooses another place to stand"
+            return f"The robot {how}: {pose_text(base)}", "recovery"
         case "no more poses", _:
             tried = before is not None and before.event in ("solution", "pose failed")
             return f"There is no {'other ' if tried else ''}place to stand", "cause"

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from planlang.designators import local_name
+from planlang.relations import named as relation_named
 from planlang.runs.run_tree import DECISIONS, Changes, Happened, RunTree, TaskNode
 
 Held = tuple[str, TaskNode, int, int | None]
@@ -19,6 +20,7 @@ _KEYS = re.compile(r"(?<![^ ])([a-z_]+)=(True\b)?")
 _UNSAID = re.compile(r"after_failure=(?:\([^()]*\)|\w+)(?:, )?")
 """A property that names classes of failures: what follows a failure is told after it."""
 _RELATION = re.compile(r"(?:\bto (?:location )?)?\b([a-z_]+)\((\w+)\)(?: with \w+)?")
+_ON_THE_FLOOR = re.compile(r"\bpose \(([-\d.e]+), ([-\d.e]+), -?0; ([-\d.e]+)\)")
 _FOLDERS = re.compile(r"(?<![\w:/.<])(?:[A-Za-z]:)?(?:[/\\][^\s/\\:'\"<>|]+)+[/\\](?=[^\s/\\:'\"<>|])")
 
 
@@ -166,8 +168,17 @@ def properties_text(properties: str, short: Mapping[str, str] | None = None) -> 
 
 
 def in_words(text: str) -> str:
-    """Put relations to a thing in words: ``in_reach_of(anna), right arm`` becomes ``in reach of anna, right arm``."""
-    return _RELATION.sub(lambda found: f"{found[1].replace('_', ' ').strip()} {found[2]}", text)
+    """Put relations to a thing in words: ``in_reach_of(anna), right arm`` becomes ``in reach of anna, right arm``.
+
+    A pose on the floor becomes that of a base: ``pose (1, 2, 0; 0.5)`` becomes ``x 1.00 y 2.00 yaw 0.50``.
+    """
+
+    def spoken(found: re.Match[str]) -> str:
+        relation = relation_named(found[1])
+        return f"{relation.forms[0] if relation else found[1].replace('_', ' ').strip()} {found[2]}"
+
+    placed = _ON_THE_FLOOR.sub(lambda found: pose_text([float(number) for number in found.groups()]), text)
+    return _RELATION.sub(spoken, placed)
 
 
 def event_text(one: Happened) -> str | None:
@@ -183,6 +194,8 @@ def event_text(one: Happened) -> str | None:
             return shown(f"base pose {number}: {pose_text(base)}{_arm(more.get('detail'))}")
         case "pose failed", _:
             return shown(f"nothing came of this place{because}")
+        case "no more poses", {"attempt": 1}:
+            return shown(f"there is no place to stand{because}")
         case "no more poses", _:
             return shown(f"there is no further place to stand{because}")
         case "transition", {"state": str(state), "to": to, **more}:
@@ -195,7 +208,8 @@ def event_text(one: Happened) -> str | None:
 
 def pose_text(base: list[Any]) -> str:
     """Format a pose of the base: metres and radians in the map."""
-    return " ".join(f"{name} {number:.2f}" for name, number in zip(("x", "y", "yaw"), base, strict=False))
+    rounded = (round(number, 2) + 0.0 for number in base)  # no negative zero
+    return " ".join(f"{name} {number:.2f}" for name, number in zip(("x", "y", "yaw"), rounded, strict=False))
 
 
 def _arm(detail: object) -> str:

@@ -6,15 +6,22 @@ import re
 from collections.abc import Mapping
 from dataclasses import field
 
+from planlang.designators import local_name
 from planlang.records import dataclass
 from planlang.report.tree import class_of, pose_text, properties_text, shown
 from planlang.runs.run_tree import TaskNode
 
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z0-9]+|[^\sA-Za-z0-9_-]+")
+_NUMBERED = re.compile(r"[A-Z]?[a-z]*_?\d+")
+"""Name of a step that says nothing of it, such as ``Step2``: the class above it does."""
 _UNSAID = re.compile(r"(?:after_failure|constrained_by)=(?:\([^()]*\)|\w+)(?:, )?")
 _SEVERAL = re.compile(r"=\(([^()]*)\)")
 """Several values of a property."""
 _POSE = re.compile(r"[^(]+\(x=([-\d.]+), y=([-\d.]+), yaw=([-\d.]+)\)")
+_HOW = re.compile(r"(device_used=(?:\([^()]*\)|[^,()]+)), (.+)")
+"""With what, which is told after what it is done to."""
+_SIDE = re.compile(r"(?<==)(left|right)_?(arm|gripper|hand)\b", re.IGNORECASE)
+"""A device whose name says which it is, such as ``RightArm``."""
 _SHORT = {"object_acted_on": "", "to_location": "to ", "recipient": "to ", "device_used": "with "}
 LONGEST = 160
 """Maximum length of the description of an action."""
@@ -31,8 +38,9 @@ class Wording:
         """What a node does: the label of its class or of the plan that performs it, else the words of its name."""
         performing = (one for one in node.children if one.kind == "plan")
         classes = [class_of(one) or "" for one in (node, *performing)]
-        found = (self.labels.get(cls) for cls in classes)
-        return next(filter(None, found), None) or self.vocabulary.get(classes[0]) or words(node.name)
+        above = map(local_name, node.parameters.get("classes", ())) if _NUMBERED.fullmatch(classes[0]) else ()
+        found = (*map(self.labels.get, classes), *map(self.vocabulary.get, (classes[0], *above)))
+        return next(filter(None, found), None) or words(node.name)
 
     def of(self, node: TaskNode) -> str:
         """Describe the action of a node, with its goal if that is a pose of the base.
@@ -43,9 +51,13 @@ class Wording:
         pose = _POSE.fullmatch(action)
         about = f"to {pose_text([float(one) for one in pose.groups()])}" if pose else ""
         if cls not in self.labels and not pose and action.endswith(")"):
-            inside = _UNSAID.sub("", action.partition("(")[2].removesuffix(")"))
-            about = properties_text(_SEVERAL.sub(r"=\1", inside), _SHORT)
+            inside = _HOW.sub(r"\2, \1", _UNSAID.sub("", action.partition("(")[2].removesuffix(")")))
+            about = properties_text(_SIDE.sub(_lowered, _SEVERAL.sub(r"=\1", inside)), _SHORT)
         return shown(self.step(node), LONGEST) + (f" ({shown(about, LONGEST)})" if about else "")
+
+
+def _lowered(side: re.Match[str]) -> str:
+    return f"{side[1]} {side[2]}".lower()
 
 
 def duration(node: TaskNode) -> str:

@@ -144,7 +144,14 @@ def test_relations_of_an_action_are_told_in_words() -> None:
     assert Wording().of(node) == "putting down (cup1, in cupboard1)"
     asked = "HandOver(constrained_by=(Upright, Level), device_used=left, object_acted_on=cup1, recipient=child1)"
     node = TaskNode("HandOver", "perform", None, parameters={"action": asked})
-    assert Wording().of(node) == "hand over (with left, cup1, to child1)"
+    assert Wording().of(node) == "hand over (cup1, to child1, with left)"
+    for arm in ("right_arm", "RightArm"):
+        asked = f"Reaching(device_used={arm}, to_location=in_center_of(cup1))"
+        node = TaskNode("Reaching", "perform", None, parameters={"action": asked})
+        assert Wording().of(node) == "reaching (in the center of cup1, with right arm)"
+    asked = "Closing(object_acted_on=door1, to_location=pose (2.9555, -0.721, 0; -0))"
+    node = TaskNode("Closing", "perform", None, parameters={"action": asked})
+    assert Wording().of(node) == "closing (door1, to x 2.96 y -0.72 yaw 0.00)"
 
 
 def test_the_headline_of_a_failure_has_relations_in_words() -> None:
@@ -162,38 +169,6 @@ def test_steps_that_fail_together_tell_the_reason_once() -> None:
     assert told[-1].endswith(" fails for the same reason.")
 
 
-def test_a_story_tells_to_whom_a_thing_was_handed() -> None:
-    told = Told.of(run_plan(fetch).events)
-    place = {"step": 1, "event": "belief", "revision": 1, "change": "released", "name": "cup1"}
-    told.add(place | {"to": "child1"})
-    told.add(place | {"to": None})
-    said = [text for _, _, text, kind in model_of(told)["story"] if kind == "belief"]
-    assert said == ["The robot hands cup1 to child1.", "The robot lets go of cup1."]
-
-
-def test_a_story_tells_what_becomes_of_doors_and_devices() -> None:
-    changes: list[dict[str, object]] = [
-        {"change": "leads", "name": "door1"},
-        {"change": "led", "name": "door1", "value": 1.2},
-        {"change": "let go", "name": "door1"},
-        {"change": "led", "name": "door1", "value": 0.0},
-        {"change": "let go", "name": "door1"},
-        {"change": "switched", "name": "lamp1", "state": "DeviceStateOff"},
-        {"change": "stays open", "name": "door2", "because": "the handle is out of reach"},
-        {"change": "not seen", "name": "cup1"},
-        {"change": "released", "name": "cup1", "to": None},
-    ]
-    told = Told.of({"event": "belief", "step": step, "revision": step, **one} for step, one in enumerate(changes))
-    assert [text for _, _, text, kind in model_of(told)["story"] if kind == "belief"] == [
-        "The robot takes door1 by its handle.",
-        "door1 stands open.",
-        "door1 is closed.",
-        "lamp1 is off.",
-        "door2 stays open: the handle is out of reach.",
-        "The robot lets go of cup1.",
-    ]
-
-
 def test_a_story_tells_once_that_both_hands_have_taken_a_thing() -> None:
     told = Told.of(run_plan(fetch).events)
     for arm in ("left", "right"):
@@ -208,6 +183,13 @@ def test_a_step_without_a_label_is_told_by_that_of_the_plan_that_performs_it() -
     labels = {"Transport": "transport a thing"}
     assert Wording(labels).of(node) == "transport a thing (cup1, cup2)"
     assert Wording({**labels, "Step1": "bring the cups"}).of(node) == "bring the cups"
+
+
+def test_a_step_without_a_label_that_no_plan_performs_is_told_by_that_of_the_class_above_it() -> None:
+    asked = {"action": "Step2(object_acted_on=drawer1)", "classes": ["http://example.org/k#Closing"]}
+    node = TaskNode("Step2", "perform", None, parameters=asked)
+    assert Wording(vocabulary={"Closing": "closing a drawer"}).of(node) == "closing a drawer (drawer1)"
+    assert Wording(vocabulary={"Opening": "opening a drawer"}).of(node) == "step2 (drawer1)"
 
 
 def test_a_story_tells_in_sentences_what_recoveries_decide() -> None:
