@@ -28,9 +28,13 @@ def ending_of(
         place = failures.index.get(root)
         return first, str(failures.table[place]["headline"]) if place is not None else message.partition("\n")[0]
     said = message.partition("\n")[0] if message != outcome else ""  # a goal does not hold
-    steps = [name for name, _ in groupby(capital(wording.step(node)) for node in _steps(told.tree.roots))]
+    if outcome == "interrupted":
+        going_on = (node for node in told.tree.numbered.values() if node.ended in (None, told.last))
+        stopped = [one for one in going_on if one.kind == "perform" and not one.inner and one.status != "succeeded"]
+        said = f"at this step: {wording.of(stopped[-1])}" if stopped else said
+    steps = [name for name, _ in groupby(wording.step(node) for node in _steps(told.tree.roots))]
     listed = [*steps[:MOST], *([f"{len(steps) - MOST} more"] if len(steps) > MOST else [])]
-    return tuple(line for line in (first, said, ", ".join(listed), "; ".join(state)) if line)
+    return tuple(line for line in (first, said, capital("; ".join(listed)), "; ".join(state)) if line)
 
 
 def _steps(nodes: Iterable[TaskNode]) -> Iterator[TaskNode]:

@@ -73,13 +73,21 @@ def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Listene
 
 _TRUE = re.compile(r"\b([a-z_]+)=True\b")
 """A property of an action that is simply true, which is told by its name alone."""
+_NUMBER = re.compile(r"(?<==)-?\d+(?:\.\d+(?:e-?\d+)?|e-?\d+)(?=[,)])")
+"""A number in an action that is no integer."""
+
+
+def action_line(action: str) -> str:
+    """Write an action for people: with numbers to six decimals, and what is simply true by its name alone."""
+    rounded = _NUMBER.sub(lambda number: str(round(float(number[0]), 6) + 0.0), action)
+    return _TRUE.sub(lambda one: one[1].replace("_", " "), rounded)
 
 
 def line_of(record: Mapping[str, Any], changes: Changes | None = None) -> str | None:
     """Line about a record, for people; None if it does not interest them. ``changes`` knows the earlier ones."""
     match record:
         case {"event": "started", "kind": "perform", "action": action}:
-            return _TRUE.sub(lambda one: one[1].replace("_", " "), str(action))
+            return action_line(str(action))
         case {"event": "ended", "kind": "perform", "failure": {"type": kind, "message": message}}:
             return f"failed: {kind}: {message}"
         case {"event": "started", "kind": "plan", "name": name}:

@@ -11,7 +11,7 @@ from executive.runs.identity import Identities
 from executive.runs.options import Tilts
 from executive.runs.parameters import Bound, things_of
 from executive.runs.prepared import RunFiles
-from executive.runs.traces import lines_of
+from executive.runs.traces import action_line, lines_of
 from planlang.failures import PlanFailure
 from planlang.kernel.tree import Node
 from planlang.runs.trace import Listener
@@ -63,7 +63,7 @@ class Written:
     def _note(self, record: Mapping[str, Any], node: Node | None) -> None:
         match record:
             case {"event": "started", "kind": "perform", "node": number, "action": action}:
-                self._actions[number] = str(action)
+                self._actions[number] = action_line(str(action))
             case {"event": "ended", "kind": "perform", "node": number, "status": status}:
                 self._actions.pop(number, None)
                 if status == "succeeded" and node is not None:

@@ -274,7 +274,11 @@ def test_the_ending_of_a_run_has_the_reason_of_the_page_or_the_steps_and_the_sta
         told, Wording(), "done", "done", 31.5, ["bottle1: held by patient1", "door1: closed"]
     )
     assert (first, state) == ("done after 31.50 s", "bottle1: held by patient1; door1: closed")
-    assert steps.endswith("Hand over bottle")
+    assert steps.endswith("hand over bottle")
+    cut_off = Told.of(map(json.loads, lines[: next(k for k, line in enumerate(lines) if '"grasped"' in line)]))
+    assert ending_of(cut_off, Wording(), "interrupted", "interrupted at X(), 9 s", 9.0, [])[1] == (
+        "at this step: close gripper"
+    )
     assert ending_of(told, Wording(), "failed", "RunError: no\n  more", 1.0, []) == (
         "failed after 1.00 s",
         "RunError: no",
@@ -424,6 +428,7 @@ def test_a_run_ends_with_what_a_listener_raises_and_the_others_are_told_on() -> 
         ),
         ({"event": "ended", "kind": "perform", "status": "succeeded"}, None),
         ({"event": "started", "kind": "perform", "action": "X(by_it=True, to=a)"}, "X(by it, to=a)"),
+        ({"event": "started", "kind": "perform", "action": "X(x=1.1999999999999996, y=-0.0)"}, "X(x=1.2, y=0.0)"),
         ({"event": "recovery", "decision": "retry"}, "the step that failed is tried again"),
         (
             {"event": "recovery", "decision": "used up"},
