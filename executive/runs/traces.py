@@ -27,7 +27,7 @@ from planlang.runs import DamagedTrace, Different, Past, RecordedRun, Repetition
 from planlang.runs.codec import SCHEMA, load
 from planlang.runs.recorded_run import SPANS, OlderTrace
 from planlang.runs.repeating import OUTSIDE
-from planlang.runs.run_tree import DECISIONS, Changes, with_names
+from planlang.runs.run_tree import DECISIONS, Changes, rounded, with_names
 from planlang.runs.trace import Listener
 from planlang.words import Blank, Call, Option, Text, calling
 
@@ -73,14 +73,11 @@ def lines_of(say: Callable[[int, str], None], *, inner: bool = False) -> Listene
 
 _TRUE = re.compile(r"\b([a-z_]+)=True\b")
 """A property of an action that is simply true, which is told by its name alone."""
-_NUMBER = re.compile(r"(?<==)-?\d+(?:\.\d+(?:e-?\d+)?|e-?\d+)(?=[,)])")
-"""A number in an action that is no integer."""
 
 
 def action_line(action: str) -> str:
     """Write an action for people: with numbers to six decimals, and what is simply true by its name alone."""
-    rounded = _NUMBER.sub(lambda number: str(round(float(number[0]), 6) + 0.0), action)
-    return _TRUE.sub(lambda one: one[1].replace("_", " "), rounded)
+    return _TRUE.sub(lambda one: one[1].replace("_", " "), rounded(action))
 
 
 def line_of(record: Mapping[str, Any], changes: Changes | None = None) -> str | None:

@@ -14,6 +14,7 @@ from executive.runs.prepared import RunFiles
 from executive.runs.traces import action_line, lines_of
 from planlang.failures import PlanFailure
 from planlang.kernel.tree import Node
+from planlang.language.performing import is_inner
 from planlang.runs.trace import Listener
 from sim import PyBulletWorld
 from sim.truth import Truth
@@ -66,7 +67,7 @@ class Written:
                 self._actions[number] = action_line(str(action))
             case {"event": "ended", "kind": "perform", "node": number, "status": status}:
                 self._actions.pop(number, None)
-                if status == "succeeded" and node is not None:
+                if status == "succeeded" and node is not None and not is_inner(node):
                     while self._done and node in _around(self._done[-1]):
                         self._done.pop()
                     self._done.append(node)
@@ -76,7 +77,7 @@ class Written:
     def _where(self, time: float) -> str:
         """Say at which action the run was interrupted, at a plan time [s], and the last actions that were done."""
         action = next(reversed([*self._actions.values()]), "no action")
-        names = [one.name for one in self._done[-MOST_DONE:]]
+        names = [one.name.partition("#")[0] for one in self._done[-MOST_DONE:]]
         more = ["..."] if len(self._done) > MOST_DONE else []
         done = f"done: {', '.join([*more, *names])}" if names else "nothing done"
         return f"interrupted at {action}, {time:.1f} s; {done}"

@@ -9,12 +9,14 @@ from dataclasses import replace
 from typing import Any
 
 from planlang.closure import grouped
-from planlang.failures import LocationUnresolvable, MissingCapability
+from planlang.failures import LocationUnresolvable, MissingCapability, PlanFailure
 from planlang.report.tree import event_text, in_words, is_origin, shown
 from planlang.report.wording import Wording, duration
 from planlang.runs.codec import load_failure
 from planlang.runs.run_tree import Happened, RunTree, TaskNode
 
+_IN_VAIN = "no simple change "
+"""How a clause begins that says what would not help."""
 _LINE = re.compile(r"\(([^():]+):(\d+)\)$")
 
 
@@ -24,36 +26,37 @@ class Failures:
     def __init__(
         self, tree: RunTree, reasons: Mapping[str, Mapping[str, Any]], remedies: Mapping[str, str] | None = None
     ) -> None:
-        """``reasons`` maps messages to further data from the trace, as :func:`reason_in` reads it.
+        """``reasons`` maps messages to further data from the trace, as :func:`reasons_in` reads it.
 
         ``remedies`` maps a part (local name) that the robot lacks to a sentence with advice.
         """
         self.table: list[dict[str, Any]] = []
         self.index: dict[int, int] = {}
         self._reasons, self._remedies = reasons, remedies or {}
-        index_of: dict[str, int] = {}
-        for number, node in tree.numbered.items():
+        failed: dict[str, list[TaskNode]] = {}
+        for node in tree.numbered.values():
             if node.failure is not None:
-                key = json.dumps(node.failure, sort_keys=True)
-                if key not in index_of:
-                    index_of[key] = len(self.table)
-                    self.table.append(self._entry(node.failure))
-                self.index[number] = index_of[key]
+                failed.setdefault(json.dumps(node.failure, sort_keys=True), []).append(node)
+        for entry, nodes in enumerate(failed.values()):
+            self.table.append(self._entry(nodes[-1]))  # the innermost, which knows what descriptions by class mean
+            self.index |= {node.number: entry for node in nodes}
 
     def lowered(self, node: TaskNode) -> str:
         """Headline of a node's failure, to be used within a sentence."""
         message = str(self.table[self.index[node.number]]["headline"])
         return message[:1].lower() + message[1:] if message[1:2].islower() else message
 
-    def _entry(self, failure: Mapping[str, Any]) -> dict[str, Any]:
-        chain = [self._link(link) for link in _chain(failure)]
+    def _entry(self, node: TaskNode) -> dict[str, Any]:
+        chain = [self._link(link) for link in _chain(node.failure or {})]
+        for link in chain:
+            link["message"] = node.named(link["message"])
         advice = [link["advice"] for link in chain if "advice" in link]
         # a search for a base pose only counts candidates, and other errors have the words of programs: the failure
         # that started the search, or that was made of the error, says more
         told = [link for link in chain if "where" in link] or chain
         plain = [link for link in told if link["type"] != LocationUnresolvable.__name__] or told
         headline = advice[0] if advice else plain[-1]["message"] or plain[-1]["type"]
-        return {"headline": in_words(str(headline)), "chain": chain}
+        return {"headline": in_words(_reason_first(node.named(str(headline)))), "chain": chain}
 
     def _link(self, failure: Mapping[str, Any]) -> dict[str, Any]:
         message, where = str(failure["message"]), str(failure.get("where", ""))
@@ -78,6 +81,12 @@ class Failures:
         return entry | ({"others": others} if others else {})
 
 
+def _reason_first(headline: str) -> str:
+    """Put what was tried in vain behind the reason for which it was tried."""
+    clauses = headline.split("; ")
+    return "; ".join(sorted(clauses, key=lambda one: one.startswith(_IN_VAIN)))
+
+
 def _chain(failure: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     """Yield a failure and its causes, without those that repeat type and message."""
     link: object = failure
@@ -96,22 +105,22 @@ def _named(others: object) -> list[tuple[str, str]]:
     return [("", str(text)) for text in others] if isinstance(others, list) else []
 
 
-def reason_in(record: Mapping[str, Any]) -> tuple[str, dict[str, Any]] | None:
-    """Read the message and further data of a failed search, if the record has one.
+def reasons_in(record: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield messages and further data of the failed searches in a record, also of those that caused another failure.
 
     The data are ``advice`` (a sentence), the numbers of candidates by ``counts`` of reasons and by ``blocking`` bodies,
     or the parts that the robot lacks (``missing``).
     """
     try:
-        failure = load_failure(record["failure"])
+        first = load_failure(record["failure"])
     except (ValueError, KeyError):
-        return None
-    if isinstance(failure, MissingCapability):
-        return str(failure), {"missing": failure.missing}
-    if not isinstance(failure, LocationUnresolvable):
-        return None
-    data = {"advice": shown(failure.because()), "counts": dict(failure.counts), "blocking": dict(failure.blocking)}
-    return str(failure), {key: value for key, value in data.items() if value}
+        return
+    for failure in first.chain() if isinstance(first, PlanFailure) else ():
+        if isinstance(failure, MissingCapability):
+            yield str(failure), {"missing": failure.missing}
+        elif isinstance(failure, LocationUnresolvable):
+            found = {"advice": shown(failure.because()), "counts": {**failure.counts}, "blocking": {**failure.blocking}}
+            yield str(failure), {key: value for key, value in found.items() if value}
 
 
 _Tried = dict[tuple[int, int], list[Any]]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic
 from planlang.records import dataclass
-from planlang.report.failures import Failures, cards_of, reason_in
+from planlang.report.failures import Failures, cards_of, reasons_in
 from planlang.report.sources import Source
 from planlang.report.story import story_of
 from planlang.report.tree import lanes_of, marks_of, nodes_of, pose_text, shown
@@ -38,7 +38,7 @@ class Told:
     last: int = 0
     """Step of the last record."""
     reasons: dict[str, Mapping[str, Any]] = field(default_factory=dict)
-    """Message of a failure -> data about the failed search, see :func:`planlang.report.failures.reason_in`."""
+    """Message of a failure -> data about the failed search, see :func:`planlang.report.failures.reasons_in`."""
     is_interrupted: bool = False
 
     def add(self, record: Mapping[str, Any]) -> None:
@@ -51,8 +51,7 @@ class Told:
             case {"event": "interrupted"}:
                 self.is_interrupted = True
             case {"event": "answer" | "performed", "failure": _}:
-                if (reason := reason_in(record)) is not None:
-                    self.reasons[reason[0]] = reason[1]
+                self.reasons.update(reasons_in(record))
 
     @staticmethod
     def of(records: Iterable[Mapping[str, Any]]) -> Told:

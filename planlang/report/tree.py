@@ -8,7 +8,7 @@ from typing import Any
 
 from planlang.designators import local_name
 from planlang.relations import named as relation_named
-from planlang.runs.run_tree import DECISIONS, Changes, Happened, RunTree, TaskNode
+from planlang.runs.run_tree import DECISIONS, Changes, Happened, RunTree, TaskNode, rounded
 
 Held = tuple[str, TaskNode, int, int | None]
 """A resource, the node that held it, and its first and last step."""
@@ -21,6 +21,8 @@ _UNSAID = re.compile(r"after_failure=(?:\([^()]*\)|\w+)(?:, )?")
 """A property that names classes of failures: what follows a failure is told after it."""
 _RELATION = re.compile(r"(?:\bto (?:location )?)?\b([a-z_]+)\((\w+)\)(?: with \w+)?")
 _ON_THE_FLOOR = re.compile(r"\bpose \(([-\d.e]+), ([-\d.e]+), -?0; ([-\d.e]+)\)")
+_GRASP = re.compile(r", (side|tilted|top)(?=, heading )")
+_GRASPS = {"side": "from the side", "tilted": "at a tilt", "top": "from above"}
 _FOLDERS = re.compile(r"(?<![\w:/.<])(?:[A-Za-z]:)?(?:[/\\][^\s/\\:'\"<>|]+)+[/\\](?=[^\s/\\:'\"<>|])")
 
 
@@ -140,7 +142,7 @@ def text_of(node: TaskNode) -> str:
     """Describe a node: its action, goal or location, or the parameters of a plan."""
     match node.parameters:
         case {"action": str(text)}:
-            return shown(node.named(_parameters(node.name, text)))
+            return shown(node.named(_parameters(node.name, rounded(text))))
         case {"goal": str(text)} | {"location": str(text)} | {"policy": str(text)}:
             return shown(node.named(text))
         case {"parameters": dict(values)} if values:
@@ -170,7 +172,8 @@ def properties_text(properties: str, short: Mapping[str, str] | None = None) -> 
 def in_words(text: str) -> str:
     """Put relations to a thing in words: ``in_reach_of(anna), right arm`` becomes ``in reach of anna, right arm``.
 
-    A pose on the floor becomes that of a base: ``pose (1, 2, 0; 0.5)`` becomes ``x 1.00 y 2.00 yaw 0.50``.
+    A pose on the floor becomes that of a base: ``pose (1, 2, 0; 0.5)`` becomes ``x 1.00 y 2.00 yaw 0.50``; the class of
+    a grasp says from where the hand comes: ``grasp cup1, top, heading 0.1`` becomes ``grasp cup1 from above, ...``.
     """
 
     def spoken(found: re.Match[str]) -> str:
@@ -178,7 +181,7 @@ def in_words(text: str) -> str:
         return f"{relation.forms[0] if relation else found[1].replace('_', ' ').strip()} {found[2]}"
 
     placed = _ON_THE_FLOOR.sub(lambda found: pose_text([float(number) for number in found.groups()]), text)
-    return _RELATION.sub(spoken, placed)
+    return _RELATION.sub(spoken, _GRASP.sub(lambda found: f" {_GRASPS[found[1]]}", placed))
 
 
 def event_text(one: Happened) -> str | None:
@@ -215,7 +218,7 @@ def pose_text(base: list[Any]) -> str:
 def _arm(detail: object) -> str:
     match detail:
         case {"arm": str(arm), "reaches": list(reaches)}:
-            return f", {arm} arm: {'; '.join(map(str, reaches))}"
+            return f", {arm} arm: {in_words('; '.join(map(str, reaches)))}"
         case {"arm": str(arm)}:
             return f", {arm} arm"
     return ""

@@ -229,6 +229,15 @@ def with_names(text: str, meant: Mapping[str, str]) -> str:
     return text
 
 
+_NUMBER = re.compile(r"(?<==)-?\d+(?:\.\d+(?:e-?\d+)?|e-?\d+)(?=[,)])")
+"""A number in an action that is no integer."""
+
+
+def rounded(action: str) -> str:
+    """Write the numbers in an action to six decimals, micrometres, without a negative zero."""
+    return _NUMBER.sub(lambda number: str(round(float(number[0]), 6) + 0.0), action)
+
+
 DECISIONS = {
     "retry": "the step that failed is tried again",
     "used up": "the step is not tried again: it has failed as often as its recovery allows",

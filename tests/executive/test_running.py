@@ -277,7 +277,7 @@ def test_the_ending_of_a_run_has_the_reason_of_the_page_or_the_steps_and_the_sta
     assert steps.endswith("hand over bottle")
     cut_off = Told.of(map(json.loads, lines[: next(k for k, line in enumerate(lines) if '"grasped"' in line)]))
     assert ending_of(cut_off, Wording(), "interrupted", "interrupted at X(), 9 s", 9.0, [])[1] == (
-        "at this step: close gripper"
+        "at this step: close gripper (with gripper)"
     )
     assert ending_of(told, Wording(), "failed", "RunError: no\n  more", 1.0, []) == (
         "failed after 1.00 s",

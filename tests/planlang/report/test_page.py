@@ -149,6 +149,8 @@ def test_relations_of_an_action_are_told_in_words() -> None:
         asked = f"Reaching(device_used={arm}, to_location=in_center_of(cup1))"
         node = TaskNode("Reaching", "perform", None, parameters={"action": asked})
         assert Wording().of(node) == "reaching (in the center of cup1, with right arm)"
+    asked = "Drive(x=1.1999999999999996, y=-0.0, number=3)"
+    assert text_of(TaskNode("Drive", "perform", None, parameters={"action": asked})) == "x 1.2, y 0.0, number 3"
     asked = "Closing(object_acted_on=door1, to_location=pose (2.9555, -0.721, 0; -0))"
     node = TaskNode("Closing", "perform", None, parameters={"action": asked})
     assert Wording().of(node) == "closing (door1, to x 2.96 y -0.72 yaw 0.00)"

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from planlang.failures import HandleNotReachable, LocationUnresolvable
 from planlang.report import Told, model_of
+from planlang.runs.codec import dump_failure
+from planlang.testing import run_plan
 
 
 def test_a_story_tells_to_whom_a_thing_was_handed() -> None:
@@ -81,3 +84,41 @@ def test_what_was_tried_is_neither_a_step_that_went_on_nor_a_further_place_where
     )
     (card,) = model_of(told)["cards"]
     assert [text for _, _, text in card["tried"]] == ["there is no place to stand"]
+
+
+def test_the_reason_of_a_search_is_told_where_it_caused_another_failure() -> None:
+    async def opened() -> None:
+        search = LocationUnresolvable(designator="a place", figures="handle1 is too low", counts={"out of reach": 4})
+        raise HandleNotReachable("the handle is out of reach", what="drawer1") from search
+
+    run = run_plan(opened)
+    told = Told.of(run.events)
+    told.add({"step": 0, "event": "performed", "node": 1, "failure": dump_failure(run.failure)})
+    (failure,) = model_of(told)["failures"]
+    assert failure["headline"] == "handle1 is too low"
+    assert failure["chain"][-1]["counts"] == {"out of reach": 4}
+
+
+def test_a_pose_of_a_hand_is_told_by_from_where_it_comes() -> None:
+    told = Told()
+    told.add({"step": 0, "event": "started", "node": 1, "parent": None, "kind": "at_location", "name": "at_location"})
+    detail = {"arm": "left", "reaches": ["grasp cup1, tilted, heading -3.06"]}
+    told.add({"step": 0, "event": "solution", "node": 1, "attempt": 1, "base": [1.0, 0.0, 0.0], "detail": detail})
+    (node,) = model_of(told)["nodes"]
+    assert node["events"][0][2].endswith("left arm: grasp cup1 at a tilt, heading -3.06")
+
+
+def test_a_failure_begins_with_its_reason_and_names_what_a_description_by_class_means() -> None:
+    failure = {"type": "ObjectUnreachable", "message": "no simple change helps; Cup is too far away", "where": "fetch"}
+    told = Told.of(
+        [
+            {"step": 0, "event": "started", "node": 1, "parent": None, "kind": "branch", "name": "fetch"},
+            {"step": 0, "event": "started", "node": 2, "parent": 1, "kind": "perform", "name": "Grasp"},
+            {"step": 0, "event": "means", "what": "Cup", "name": "cup1", "within": "fetch/Grasp"},
+            {"step": 9, "event": "ended", "node": 2, "status": "failed", "failure": failure},
+            {"step": 9, "event": "ended", "node": 1, "status": "failed", "failure": failure},
+        ]
+    )
+    (entry,) = model_of(told)["failures"]
+    assert entry["headline"] == "cup1 is too far away; no simple change helps"
+    assert entry["chain"][0]["message"] == "no simple change helps; cup1 is too far away"
