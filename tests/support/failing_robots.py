@@ -106,6 +106,29 @@ class ClosedFingers(Decorated):
         return self._robot.motion(group)
 
 
+class StallingPair(Decorated):
+    """The motions of both arms together of some numbers, from 1, stop half-way, and report that."""
+
+    def __init__(self, robot: RobotInterface, *numbers: int) -> None:
+        super().__init__(robot)
+        self._numbers, self._count, self._has_stalled = numbers, 0, False
+
+    def start(self, group: str, trajectory: Trajectory, *, pushes: str | None = None) -> None:
+        """Start a motion, or the first half of one."""
+        if len(Group.of(group).arms) == 2:
+            self._count += 1
+            self._has_stalled = self._count in self._numbers
+            if self._has_stalled:
+                trajectory = Trajectory(trajectory.names, trajectory.positions[: len(trajectory.positions) // 2])
+        self._robot.start(group, trajectory, pushes=pushes)
+
+    def motion(self, group: str) -> Motion:
+        """Return the state of the group's last motion."""
+        motion = self._robot.motion(group)
+        stalls = self._has_stalled and len(Group.of(group).arms) == 2 and motion.state is MotionState.DONE
+        return Motion(MotionState.FAILED, reason="the following error is too large") if stalls else motion
+
+
 class Refusing(Decorated):
     """Nobody takes what the robot offers."""
 

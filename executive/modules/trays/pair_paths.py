@@ -41,6 +41,8 @@ MOST_BASES = 40
 """Base poses to check."""
 TOUCHES_ITSELF = "touches itself"
 """Reason for rejecting a path on which the robot is in self-collision."""
+HAIR = 1e-12
+"""Guard against division by zero [rad^2]."""
 LARGEST_TURN = 1.2
 """Largest turn of an object relative to the base between carrying it and putting it down [rad]."""
 
@@ -329,6 +331,17 @@ class PairPaths:
                 break
             kept.append(row)
         return np.array(kept)
+
+    def rest(self, rows: Array) -> Array:
+        """Find what is left of a joint path (k, n), from here: from the joint positions on that it is nearest to."""
+        now = self.now()
+        near = self.pair.group.near(rows, now)
+        starts, edges = near[:-1], np.diff(near, axis=0)
+        lengths = np.maximum((edges**2).sum(axis=1), HAIR)
+        shares = np.clip(((now - starts) * edges).sum(axis=1) / lengths, 0.0, 1.0)
+        nearest = starts + shares[:, None] * edges
+        passed = int(np.linalg.norm(now - nearest, axis=1).argmin())
+        return np.concatenate([now[None], rows[passed + 1 :]])
 
     def timed(self, rows: Array) -> Trajectory:
         """Time a joint path (k, n). Raises a MotionError if hands that hold an object would move relatively."""

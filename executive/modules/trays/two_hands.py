@@ -7,10 +7,11 @@ keep their posture while the base drives. To put it down, both hands lower it to
 from __future__ import annotations
 
 import math
-from collections.abc import AsyncIterator, Awaitable, Iterable, Iterator, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from itertools import chain, combinations, islice
+from typing import TypeVar
 
 import numpy as np
 
@@ -43,9 +44,13 @@ from planlang.failures import (
 )
 from planlang.geometry import Array, Pose
 from planlang.geometry.matrices import apart
+from planlang.language.location import AGAIN, AGAIN_WITHIN, NOT_ARRIVED
 from planlang.language.process_module import process_module
+from planlang.language.recovery import Recovery, with_failure_handling
 from planlang.protocols import Group, GroupKind
 from sim.people import LOW
+
+T = TypeVar("T")
 
 NEAR = 1.5
 """Distance within which the current base pose is tried first [m]."""
@@ -205,11 +210,11 @@ class TwoHands(HandWork):
         paths, grasp = way
         hands, arms = self.platform.hands, paths.pair.arms
         for arm, fingers in zip(arms, grasp.fingers, strict=True):
-            await hands.move(arm, closed=False, fingers=fingers)
+            await again(partial(hands.move, arm, closed=False, fingers=fingers))
         await self._arms_to(paths, grasp.approach[0], name)
         await self._go(paths, grasp.approach, name)
         for arm in arms:
-            await hands.close(arm)
+            await again(partial(hands.close, arm))
         if missed := next((arm for arm in arms if hands.between_fingers(arm) != name), None):
             for arm in arms:
                 await hands.move(arm, closed=False)
@@ -223,8 +228,11 @@ class TwoHands(HandWork):
         """Move the arms one after the other to joint positions (n,), in the order in which they find paths."""
         pending = {one.name: (one, q[own]) for one, own in zip(paths.pair.arms, paths.pair.group.columns, strict=True)}
 
-        async def move(arm: str) -> None:
+        async def go(arm: str) -> None:
             await self.follow_to_end(arm, self.planned(*pending[arm], None), name)
+
+        async def move(arm: str) -> None:
+            await again(partial(go, arm))
             del pending[arm]
 
         async def is_done() -> bool:
@@ -233,16 +241,20 @@ class TwoHands(HandWork):
         # moving one arm may make room for the other, which is a candidate again then
         await Skill(lambda: tuple(pending), move, failures=(ManipulationPoseUnreachable,)).until(is_done)
 
-    async def _go(self, paths: PairPaths, rows: Array, name: str) -> None:
-        """Move both arms along a joint path (k, n)."""
+    async def _go(self, paths: PairPaths, rows: Array, name: str, *, repeats: bool = True) -> None:
+        """Move both arms along a joint path (k, n); if they stop short, along the rest of it, if it ``repeats``."""
         if len(rows) < 2:
             return
         arms = Group(GroupKind.ARMS, *(arm.name for arm in paths.pair.arms))
-        try:
-            trajectory = paths.timed(np.concatenate([paths.now()[None], rows[1:]]))
-        except MotionError as problem:
-            raise ManipulationPoseUnreachable(arm=arms, what=name) from problem
-        await self.follow_to_end(arms, trajectory, name)
+
+        async def go() -> None:
+            try:
+                trajectory = paths.timed(paths.rest(rows))
+            except MotionError as problem:
+                raise ManipulationPoseUnreachable(arm=arms, what=name) from problem
+            await self.follow_to_end(arms, trajectory, name)
+
+        await (again(go) if repeats else go())
 
     async def _draw_in(self, paths: PairPaths, name: str) -> None:
         """Draw a held object in towards the base as far as possible."""
@@ -271,7 +283,8 @@ class TwoHands(HandWork):
 
         To a person it is held out.
         """
-        paths, where = self._holding(name), action.get("to_location")
+        paths, where, classes = self._holding(name), action.get("to_location"), self.platform.ancestors(action.type)
+        repeats = "LoweringAnObject" not in classes  # which the plan itself repeats
         if not isinstance(where, (Object, Location)):
             raise ActionUnresolvable("state where to carry the object as to_location", designator=str(action))
         location, tried, here = resting_on(where), list[BasePose](), self.platform.base
@@ -280,8 +293,8 @@ class TwoHands(HandWork):
             return await self._hold_out(paths, name, use.body)
 
         async def lower(place: PairPlace) -> None:
-            if "CarryingWhileLocomoting" not in self.platform.ancestors(action.type):
-                await self._go(paths, place.lower, name)
+            if "CarryingWhileLocomoting" not in classes:
+                await self._go(paths, place.lower, name, repeats=repeats)
 
         def lowered(candidate: tuple[PairPlace | None, list[Pose]]) -> Awaitable[None]:
             return Skill(
@@ -297,7 +310,7 @@ class TwoHands(HandWork):
                 yield None, spots
             while True:
                 spots = self._spots(what, location)
-                await self._rise(paths, name, max(spot.position[2] for spot in spots))
+                await self._rise(paths, name, max(spot.position[2] for spot in spots), repeats=repeats)
                 async for place in each(paths.places(name, spots, partial(self._before, paths, name, tried))):
                     tried.append(place.base)
                     yield place, spots
@@ -364,11 +377,11 @@ class TwoHands(HandWork):
         turned = [Pose.planar(x, y, one.yaw + math.pi, z) for one in spots for x, y, z in [one.position]]
         return [pose for both in zip(spots, turned, strict=True) for pose in both]
 
-    async def _rise(self, paths: PairPaths, name: str, height: float) -> None:
+    async def _rise(self, paths: PairPaths, name: str, height: float, *, repeats: bool = True) -> None:
         """Lift a held object to LIFT above its put-down height [m], so that it clears the edge of the support."""
         missing = height + LIFT - float(paths.pose_of(name, paths.now())[2, 3])
         if missing > 0:
-            await self._go(paths, paths.shifted(name, np.array([0.0, 0.0, missing])), name)
+            await self._go(paths, paths.shifted(name, np.array([0.0, 0.0, missing])), name, repeats=repeats)
 
     async def _look_at_support(self, pose: Pose) -> None:
         bodies = self.platform.scene.bodies
@@ -383,11 +396,24 @@ class TwoHands(HandWork):
         arms = paths.pair.arms
         platform.check_hold([arm.name for arm in arms])
         begin_to_watch(platform, name)
-        await platform.hands.release(arms, name, platform.arms.opening)
+
+        async def release() -> None:
+            if name in platform.belief.held:
+                await platform.hands.release(arms, name, platform.arms.opening)
+            else:  # it has left them, although one has not opened
+                for arm in arms:
+                    await platform.hands.move(arm, closed=False)
+
+        await again(release)
         await platform.hands.settled(name)
         await check_is_where_put(platform, name)
         await self._go(paths, paths.away(name), name)
         await self.tuck()
+
+
+def again(motion: Callable[[], Awaitable[T]]) -> Awaitable[T]:
+    """Make a motion, and repeat it as plans do with a motion of one hand that stops short."""
+    return with_failure_handling(motion, Recovery(NOT_ARRIVED, retries=AGAIN, within=AGAIN_WITHIN))
 
 
 async def _no_path(name: str, problem: PlanFailure | None, tried: int) -> PlanFailure:

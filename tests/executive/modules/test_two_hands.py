@@ -13,13 +13,21 @@ from executive.robots import Robot, bind_robot
 from executive.robots.arms import ArmModel
 from planlang import perform
 from planlang.designators import a_location, a_person, action, an_object
-from planlang.failures import ActionUnresolvable, HandsLacking, LocationUnresolvable, ObjectLost, TooHeavy
+from planlang.failures import (
+    ActionUnresolvable,
+    HandsLacking,
+    LocationUnresolvable,
+    ManipulationGoalNotReached,
+    ObjectLost,
+    TooHeavy,
+)
 from planlang.geometry import Pose
 from planlang.ontology import Ontology
 from sim import Body
 from sim.scene import Handle
-from sim.truth import at_rest_on, held_by
+from sim.truth import at_rest_on, held_by, tilt
 from tests.executive.conftest import PLACE, MakeStage, Stage, furnisher, model_of
+from tests.support.failing_robots import ClosedFingers, StallingPair
 
 TABLE = Body("table", Pose((1.3, 0.0, 0.37)), (0.6, 1.4, 0.74), type="KitchenTable")
 OTHER = Body("other", Pose((-1.5, 0.0, 0.36)), (0.8, 1.4, 0.72), type="KitchenTable")
@@ -129,6 +137,33 @@ def test_what_two_hands_hold_is_set_aside_by_both(stage_of: MakeStage) -> None:
     set_aside(stage)
     assert (at_rest_on(stage.truth, "tray"), at_rest_on(stage.truth, "cup")) == ("table", "tray")
     assert not stage.belief.held
+
+
+APPROACH, LIFTING, DRAWING_IN = 1, 2, 3
+"""Numbers of the motions of both arms with which they take a tray."""
+
+
+def test_arms_that_stop_short_go_on_and_take_the_tray(stage_of: MakeStage) -> None:
+    stage, after = stage_of(TABLE, TRAY, CUP), (LIFTING + 1, DRAWING_IN + 2)  # each stalled one is made again
+    stage.platform.world = StallingPair(stage.platform.world, APPROACH, *after)  # type: ignore[assignment]
+    taken(stage)
+    assert (len(stage.truth.holders("tray")), stage.truth.riders("tray")) == (2, ("cup",))
+    assert stage.truth.height_above_support("tray") > 0.05
+    assert tilt(stage.truth.pose("tray")) < math.radians(2)
+
+
+def test_arms_that_always_stop_short_are_a_failure(stage_of: MakeStage) -> None:
+    stage = stage_of(TABLE, TRAY)
+    stage.platform.world = StallingPair(stage.platform.world, *range(20))  # type: ignore[assignment]
+    with pytest.raises(ManipulationGoalNotReached):
+        taken(stage)
+
+
+def test_a_hand_that_opens_late_takes_the_tray_all_the_same(stage_of: MakeStage) -> None:
+    stage = stage_of(TABLE, TRAY)
+    stage.platform.world = ClosedFingers(stage.platform.world, times=2)  # type: ignore[assignment]
+    taken(stage)
+    assert len(stage.truth.holders("tray")) == 2
 
 
 def test_a_tray_is_held_out_by_both_hands_and_a_person_takes_it_with_the_cup_on_it(stage_of: MakeStage) -> None:
