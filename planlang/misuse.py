@@ -105,16 +105,16 @@ class Usage:
         if isinstance(value, str) or not is_iterable(value):
             raise self.wrong(parameter, value, meant)
 
-    def mapping(self, parameter: str, value: object, what: str) -> None:
+    def mapping(self, parameter: str, value: object) -> None:
         """Require a mapping from names to branches."""
         if not isinstance(value, Mapping):
-            raise self.wrong(parameter, value, f"a mapping from names to {what}")
+            raise self.wrong(parameter, value, "a mapping from names to branches")
         for key, branch in value.items():
             if key.__class__ is str and branch.__class__ in _USUAL:
                 continue
             if not isinstance(key, str):
                 discard(value.values())
-                raise self.wrong(parameter, value, f"a mapping from names, which are strings, to {what}")
+                raise self.wrong(parameter, value, "a mapping from names, which are strings, to branches")
             if not _is_branch(branch):
                 discard(value.values())
                 raise self._no_branch(parameter, branch, f"{{{key!r}: %s}}")

@@ -35,20 +35,22 @@ class KinematicScene:
 
     has_camera = False
     """True if a robot takes pictures in it."""
+    rate = 30
+    """Steps per second."""
 
-    def __init__(self, scene: Scene, robot: RobotBody | None = None, *, gui: bool = False, rate: int = 30) -> None:
-        """Create the scene, with ``rate`` steps per second.
+    def __init__(self, scene: Scene, robot: RobotBody | None = None, *, gui: bool = False) -> None:
+        """Create the scene.
 
         Raises ``RuntimeError`` without a display for ``gui``, ``BadInput`` for a URDF that cannot be loaded.
         """
-        self.scene, self.rate = scene, rate
+        self.scene = scene
         self._client = connect(gui=gui)
         persons = {body.name: parts_of(body) for body in scene.bodies if body.shape is BodyShape.PERSON}
         self._bodies = Bodies(self._client, scene, persons, shown=gui or (self.has_camera and robot is not None))
         if gui:
             self._bodies.fill(np.full(3, -np.inf), np.full(3, np.inf))
         self._camera = Camera(self._client, self._bodies)
-        self._people = People(self._bodies, rate)
+        self._people = People(self._bodies, self.rate)
         self.held: dict[str, HeldObject] = {}
         """What hands hold, and what stands on that."""
         self.matter = Matter()
@@ -71,7 +73,7 @@ class KinematicScene:
                 self._robot, self._bodies, self.held, self._leaves, lambda name: self.matter.gives_way(name)
             )
         self._rays = Rays(self._client, self._bodies, self._robot)
-        self.gravity = Falling(self._bodies, self._rays, rate)
+        self.gravity = Falling(self._bodies, self._rays, self.rate)
         self._made: dict[str, Made] = {}
         """Bodies of :meth:`arrange` that were not in the scene."""
         for body in scene.bodies:

@@ -185,11 +185,9 @@ class PyBulletWorld(KinematicScene):
 
     has_camera = True
 
-    def __init__(
-        self, scene: Scene, robot: RobotBody | None = None, *, gui: bool = False, rate: int = 30, seed: int = 0
-    ) -> None:
+    def __init__(self, scene: Scene, robot: RobotBody | None = None, *, gui: bool = False, seed: int = 0) -> None:
         """Create the world; by the ``seed`` the camera errs, if it does: nothing else in here is random."""
-        super().__init__(scene, robot, gui=gui, rate=rate)
+        super().__init__(scene, robot, gui=gui)
         self.seed, self.steps = seed, 0
         self._pushes: dict[str, str] = {}
         """Motion group that pushes -> link of the hand with which it pushes."""
@@ -198,7 +196,7 @@ class PyBulletWorld(KinematicScene):
         self._placed: Mapping[str, Pose] = {}
         """Poses of the state to which things have been brought last."""
         self._processes = Processes(self, self.queries)
-        self._movers = Movers(scene.movers, self._bodies.poses, self._bodies.place, rate)
+        self._movers = Movers(scene.movers, self._bodies.poses, self._bodies.place, self.rate)
         self._motions: dict[str, Playback] = {}
         self.simulated = Simulated()
         """What has happened by physics so far."""

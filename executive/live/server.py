@@ -53,10 +53,10 @@ class Served:
 class LiveServer:
     """Context manager that runs the server; ``address`` is the URL of the page."""
 
-    def __init__(self, served: Served, *, port: int = 0) -> None:
-        """Bind a port of this computer; 0 means any free one. Raises OSError."""
+    def __init__(self, served: Served) -> None:
+        """Bind a free port of this computer. Raises OSError."""
         token = secrets.token_urlsafe(16)  # random, but the run does not depend on it
-        self._server = _Server((HERE, port), served, token)
+        self._server = _Server((HERE, 0), served, token)
         self.address = f"http://{HERE}:{self._server.server_port}/{token}/"
         self._thread = Thread(target=self._server.serve_forever, args=(CLOSING,), name="planlang page", daemon=True)
 

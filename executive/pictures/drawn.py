@@ -128,8 +128,8 @@ def _triangles(content: bytes, suffix: str, scale: tuple[float, float, float]) -
     return shaded([fewer(Solid(mesh.vertices * np.array(scale), faces))])
 
 
-def fewer(solid: Solid, most: int = MOST_TRIANGLES) -> Solid:
-    """Simplify a surface to at most ``most`` triangles by vertex clustering (J. Rossignac and P. Borrel, 1993).
+def fewer(solid: Solid) -> Solid:
+    """Simplify a surface to at most :data:`MOST_TRIANGLES` by vertex clustering (J. Rossignac and P. Borrel, 1993).
 
     Vertices in the same cell of a grid are replaced by their mean. Equal vertices are always merged.
     """
@@ -138,7 +138,7 @@ def fewer(solid: Solid, most: int = MOST_TRIANGLES) -> Solid:
     cells: float = 1 << 20  # so fine that only equal vertices are merged
     while True:
         simplified = _clustered(solid, low, longest / cells)
-        if len(simplified.faces) <= most:
+        if len(simplified.faces) <= MOST_TRIANGLES:
             return simplified
         cells = CELLS * 2 if cells > 2 * CELLS else cells * 0.8
 
@@ -197,7 +197,7 @@ def limb_pieces(part: Part, side: int) -> tuple[Piece, ...]:
     thumb = tube(
         np.array([[-0.35 * x, 0.4 * y, 0.0], [0.02 * x, 0.75 * y, 0.0], [0.15 * x, 0.8 * y, 0.0]]), [0.14 * y] * 3
     )
-    thumb = thumb if side < 0 else thumb.mirrored(1, 0.0)
+    thumb = thumb if side < 0 else thumb.mirrored(1)
     return (Piece(shaded([palm, *fingers, thumb]), _colour_of_part(part)),)
 
 

@@ -107,7 +107,7 @@ def _solids(row: Mapping[str, Any], size: Array) -> Iterator[Solid]:
     for solid, turn in product(copies, _mirrorings(row.get("mirror", ""))):
         image = solid
         for k in turn:
-            image = image.mirrored(k, 0.0)
+            image = image.mirrored(k)
         yield image
 
 

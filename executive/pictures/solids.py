@@ -37,10 +37,10 @@ class Solid:
         """Scale along the axes, then shift; an even number of factors may be negative, else faces would turn inside."""
         return Solid(self.vertices * np.asarray(scale) + np.asarray(shift), self.faces)
 
-    def mirrored(self, axis: int, about: float) -> Solid:
-        """Mirror at the plane ``axis`` = ``about``."""
+    def mirrored(self, axis: int) -> Solid:
+        """Mirror at the plane through the origin across an axis."""
         vertices = self.vertices.copy()
-        vertices[:, axis] = 2 * about - vertices[:, axis]
+        vertices[:, axis] *= -1.0
         return Solid(vertices, self.faces[:, ::-1])
 
 

@@ -143,12 +143,6 @@ class Limbs:
         return Arm(numbers.name, iri, side, joints, base, *frame, bound, numbers.payload)
 
 
-def with_camera_neck(mechanism: Mechanism, link: str, arms: Sequence[Arm], torso: str | None) -> tuple[str, ...]:
-    """List the joints that move the camera but no arm."""
-    of_arms = {torso, *(joint for arm in arms for joint in arm.joints)}
-    return tuple(joint for joint in mechanism.movers(link) if joint not in of_arms)
-
-
 def _renamed(arms: Sequence[Arm]) -> tuple[Arm, ...]:
     """Make the names of arms unique."""
     names: list[str] = []

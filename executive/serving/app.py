@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any
 
@@ -88,7 +88,6 @@ def application(
     store: Store,
     staff: Staff | None = None,
     *,
-    routers: Sequence[APIRouter] = ROUTERS,
     rates: Rates | None = None,
     access: Callable[[str], None] | None = None,
 ) -> FastAPI:
@@ -109,7 +108,7 @@ def application(
     )
     catalogue, abilities = Catalogue(store, vocabulary), Abilities(store, staff.reading)
     app.state.serving = Serving(store, catalogue, vocabulary, abilities, Mirror(store, staff.behind), staff, rates)
-    for router in routers:
+    for router in ROUTERS:
         app.include_router(router)
     add_handlers(app)
     add_pages(app)

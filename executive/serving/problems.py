@@ -78,9 +78,9 @@ RESPONSES: dict[int | str, dict[str, Any]] = {
 class Problem(Exception):
     """A request is refused, with this status and reason."""
 
-    def __init__(self, status: HTTPStatus, detail: str, diagnostics: Iterable[Diagnostic] = ()) -> None:
+    def __init__(self, status: HTTPStatus, detail: str) -> None:
         super().__init__(detail)
-        self.status, self.detail, self.diagnostics = status, detail, tuple(diagnostics)
+        self.status, self.detail = status, detail
 
 
 def diagnostic_json(diagnostic: Diagnostic) -> dict[str, Any]:
@@ -113,7 +113,7 @@ REFUSALS = (Problem, Refused, Unreachable, Busy, BadInput)
 def refusal(problem: Refusal) -> tuple[HTTPStatus, str, tuple[Diagnostic, ...]]:
     """Map an exception to status, reason and diagnostics."""
     if isinstance(problem, Problem):
-        return problem.status, problem.detail, problem.diagnostics
+        return problem.status, problem.detail, ()
     if isinstance(problem, Refused):
         return _REFUSALS.get(type(problem), HTTPStatus.CONFLICT), str(problem), ()
     if isinstance(problem, Full):

@@ -80,9 +80,7 @@ class SparqlStore:
     Every method raises Unreachable if one of them does not respond.
     """
 
-    def __init__(
-        self, url: str, contents: str | ObjectStore, *, revisions_kept: int = REVISIONS_KEPT, key: str | None = None
-    ) -> None:
+    def __init__(self, url: str, contents: str | ObjectStore, *, key: str | None = None) -> None:
         """Use the endpoint with ``query`` and ``update`` below ``url``, and ``contents``, an address of obstore.
 
         ``key`` is a Bearer token for the endpoint. Raises ValueError for an invalid address.
@@ -92,7 +90,6 @@ class SparqlStore:
         proxy = proxy_of(base)
         self._http = http_client(base, proxy, base_url=base, headers=headers, timeout=_SECONDS)
         self._contents = _storage(contents) if isinstance(contents, str) else contents
-        self._kept = revisions_kept
 
     # the endpoint and the storage
 
@@ -222,7 +219,7 @@ class SparqlStore:
         """Store a new revision if the ETag is ``expected``. Raises NoSuchEntry, NotTheAuthor, Changed."""
         entry = own(self.entry(uid), author, expected)
         node = _node("entry", uid)
-        oldest = entry.revision.number + 1 - self._kept
+        oldest = entry.revision.number + 1 - REVISIONS_KEPT
         update = _Update(
             f"""{node} {_holding(expected)}; p:last ?before; p:about ?about; p:label ?label; p:syntax ?syntax;
                 p:revision ?revision; p:changedBy ?by; p:changed ?changed; p:description ?description.

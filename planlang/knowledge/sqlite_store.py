@@ -98,10 +98,9 @@ class SqliteStore:
     Raises BadInput with K001 unless the file is a knowledge base.
     """
 
-    def __init__(self, path: Path, *, revisions_kept: int = REVISIONS_KEPT, creates: bool = True) -> None:
-        """Open the file, or create it if ``creates``; it keeps ``revisions_kept`` earlier revisions of each entry."""
+    def __init__(self, path: Path, *, creates: bool = True) -> None:
+        """Open the file, or create it if ``creates``."""
         self._path, self._creates = path, creates
-        self._kept = revisions_kept
         self._local = threading.local()
         self._connections: dict[threading.Thread, sqlite3.Connection] = {}
         self._opening = threading.Lock()
@@ -272,7 +271,7 @@ class SqliteStore:
             database.execute(f"UPDATE entries SET {columns} WHERE uid = ?", described)
             number = entry.revision.number + 1
             self._add_revision(database, uid, number, content.data, author, now)
-            database.execute("DELETE FROM revisions WHERE uid = ? AND number < ?", (uid, number - self._kept))
+            database.execute("DELETE FROM revisions WHERE uid = ? AND number < ?", (uid, number - REVISIONS_KEPT))
             _tell(database, Change.CHANGED, uid, entry.kind, author, now)
         return self.entry(uid)
 

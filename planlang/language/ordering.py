@@ -105,7 +105,7 @@ async def partial_order(
     time; of several ready steps the textually first starts. A failure is handled as in ``par``.
     Raises ValueError for a cycle, an unknown name or a parameter without a value, before any step starts.
     """
-    _PARTIAL_ORDER.mapping("steps", steps, "branches")
+    _PARTIAL_ORDER.mapping("steps", steps)
     _PARTIAL_ORDER.iterable("orderings", orderings, "pairs (before, after) of names")
     if limit is not None:
         limit = _PARTIAL_ORDER.whole("limit", limit, 1, "steps")

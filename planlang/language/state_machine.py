@@ -50,7 +50,7 @@ async def state_machine(
     Raises TransitionMissing for an outcome without a transition; ValueError, before any state starts, for a state that
     is not in ``states`` and for an end state that cannot be reached.
     """
-    _STATE_MACHINE.mapping("states", states, "branches")
+    _STATE_MACHINE.mapping("states", states)
     _STATE_MACHINE.instance("transitions", transitions, Mapping, "a mapping (state, outcome) -> next state")
     if not isinstance(end, str):
         _STATE_MACHINE.iterable("end", end, "the name of an end state, or several names")

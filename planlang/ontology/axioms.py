@@ -68,12 +68,12 @@ class Axioms(Statements):
             self.state(node, OWL.annotatedTarget, value, span)
             self.annotate(node, annotations)
 
-    def subject_of(self, expression: Expression, *, data: bool = False) -> str | BNode:
+    def subject_of(self, expression: Expression) -> str | BNode:
         """State an expression that is the subject of an axiom, and return its node."""
         if isinstance(expression.term, (str, BNode)):
             return expression.term
         node = self.fresh()
-        self.describe(node, expression, data=data)
+        self.describe(node, expression)
         return node
 
     def relate(

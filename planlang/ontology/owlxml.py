@@ -61,7 +61,6 @@ class _Handler:
         self.entities = EntityTable(text, file, self._here)
         self._file = file
         self._parser = parser
-        self._has_base = False
         parser.StartElementHandler = self._begin
         parser.EndElementHandler = self._end
         parser.CharacterDataHandler = self._characters

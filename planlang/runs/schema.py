@@ -105,10 +105,10 @@ _CHECKS: Mapping[str, Mapping[str, Check]] = {
 }
 
 
-def is_deep(value: Any, most: int = DEEPEST) -> bool:
-    """Check whether lists and objects are nested more than ``most`` deep."""
+def is_deep(value: Any) -> bool:
+    """Check whether lists and objects are nested more than :data:`DEEPEST` deep."""
     inside = [value]
-    for _ in range(most + 1):
+    for _ in range(DEEPEST + 1):
         inside = [
             one
             for each in inside

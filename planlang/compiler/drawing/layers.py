@@ -22,6 +22,9 @@ MOST_BENDS = 5000
 """Maximum number of bends of arrows that cross ranks; with more, long arrows are straight, because sweeps would take
 seconds."""
 
+GAP, RANK_GAP = 28, 34
+"""Distances between boxes side by side, and between ranks."""
+
 Point = tuple[float, float]
 
 
@@ -52,13 +55,7 @@ class _Item:
     """The x coordinate of the centre."""
 
 
-def layered(
-    sizes: Sequence[tuple[float, float]],
-    edges: Sequence[tuple[int, int]],
-    *,
-    gap: float = 28,
-    rank_gap: float = 34,
-) -> Layers:
+def layered(sizes: Sequence[tuple[float, float]], edges: Sequence[tuple[int, int]]) -> Layers:
     """Lay out boxes of the given sizes (width, height); edges are pairs of indices.
 
     Boxes without edges are put to the right, in columns. Raises graphlib.CycleError if the edges have a cycle.
@@ -82,17 +79,17 @@ def layered(
         if index in linked or index >= len(sizes):
             layers[item.rank].append(index)
     layers = _ordered(items, layers)
-    _place(items, layers, gap)
+    _place(items, layers)
     tops: list[float] = []
     bottoms: list[float] = []
     for layer in layers:
-        tops.append(bottoms[-1] + rank_gap if bottoms else 0.0)
+        tops.append(bottoms[-1] + RANK_GAP if bottoms else 0.0)
         bottoms.append(tops[-1] + max(items[index].height for index in layer))
     height = bottoms[-1] if bottoms else 0.0
     width = max((item.x + item.width / 2 for layer in layers for item in (items[i] for i in layer)), default=0.0)
     corners = {index: (items[index].x - items[index].width / 2, tops[ranks[index]]) for index in linked}
     isolated = [index for index in range(len(sizes)) if index not in linked]
-    corners |= _columns(sizes, isolated, width + (2 * gap if linked else 0.0), height, gap)
+    corners |= _columns(sizes, isolated, width + (2 * GAP if linked else 0.0), height)
     right = max((x + sizes[index][0] for index, (x, _) in corners.items()), default=0.0)
     low = max((y + sizes[index][1] for index, (_, y) in corners.items()), default=0.0)
     routes = _routes(items, chains, tops, bottoms)
@@ -152,13 +149,13 @@ def _crossings(items: list[_Item], layers: list[list[int]]) -> int:
     return total
 
 
-def _place(items: list[_Item], layers: list[list[int]], gap: float) -> None:
+def _place(items: list[_Item], layers: list[list[int]]) -> None:
     """Move each item towards its neighbours' centres, keeping the order of its layer; the left edge is x = 0."""
     for layer in layers:
         x = 0.0
         for index in layer:
             items[index].x = x + items[index].width / 2
-            x += items[index].width + gap
+            x += items[index].width + GAP
     for sweep in range(SWEEPS):
         down = sweep % 2 == 0
         for layer in layers if down else layers[::-1]:
@@ -167,7 +164,7 @@ def _place(items: list[_Item], layers: list[list[int]], gap: float) -> None:
                 neighbours = items[index].above if down else items[index].below
                 xs = [items[other].x for other in neighbours]
                 targets.append(sum(xs) / len(xs) if xs else items[index].x)
-            steps = [(items[a].width + items[b].width) / 2 + gap for a, b in pairwise(layer)]
+            steps = [(items[a].width + items[b].width) / 2 + GAP for a, b in pairwise(layer)]
             for index, x in zip(layer, _separated(targets, steps), strict=True):
                 items[index].x = x
     left = min((items[index].x - items[index].width / 2 for layer in layers for index in layer), default=0.0)
@@ -195,19 +192,17 @@ def _separated(wanted: Sequence[float], steps: Sequence[float]) -> list[float]:
     return [value + offset for value, offset in zip(flat, offsets, strict=False)]
 
 
-def _columns(
-    sizes: Sequence[tuple[float, float]], boxes: Sequence[int], x: float, height: float, gap: float
-) -> dict[int, Point]:
+def _columns(sizes: Sequence[tuple[float, float]], boxes: Sequence[int], x: float, height: float) -> dict[int, Point]:
     """Put isolated boxes in columns from ``x`` on, as high as the rest, or about as high as wide."""
-    area = sum((sizes[index][0] + gap) * (sizes[index][1] + gap) for index in boxes)
+    area = sum((sizes[index][0] + GAP) * (sizes[index][1] + GAP) for index in boxes)
     limit = max(height, area**0.5)
     corners: dict[int, Point] = {}
     y = column = 0.0
     for index in boxes:
         if y > 0 and y + sizes[index][1] > limit:
-            x, y, column = x + column + gap, 0.0, 0.0
+            x, y, column = x + column + GAP, 0.0, 0.0
         corners[index] = (x, y)
-        y += sizes[index][1] + gap
+        y += sizes[index][1] + GAP
         column = max(column, sizes[index][0])
     return corners
 
