@@ -10,7 +10,7 @@ from typing import Any
 
 from executive.belief.estimates import Estimate, leaf_value
 from executive.belief.known_things import KnownThings, ignore
-from executive.belief.lookalikes import look_alikes
+from executive.belief.lookalikes import ShouldShow, look_alikes
 from executive.belief.memory import MOST_FAILURES, VISION, BasePose, Recognition, Source
 from executive.belief.obstacles import NAMES
 from executive.belief.snapshots import dump_belief, load_belief
@@ -32,8 +32,6 @@ RESTING = 0.02
 """Distance between the bottom of an object and the top of another up to which it stands on that [m]."""
 LEAST_NOTICED = 0.1
 """Visible share from which on a thing that no map has is believed."""
-ShouldShow = Callable[[Collection[str]], Collection[str]]
-"""Selects the things that a picture would show."""
 AtRest = Callable[[str, Estimate], Pose]
 """Makes of the estimate of a thing's pose the one in which it stands on what is below."""
 

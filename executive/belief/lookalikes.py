@@ -47,6 +47,7 @@ class Alike:
 
 
 ShouldShow = Callable[[Collection[str]], Collection[str]]
+"""Selects the things that a picture would show."""
 
 
 def look_alikes(

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.questions import Question, once
-from executive.locations.rejections import NO_ROOM, NO_WAY, Rejections, first_body
+from executive.locations.rejections import NO_ROOM, Rejections, first_body
+from planlang.failure_wording import NO_WAY
 from planlang.geometry import Array
 
 MOST_CROWDED = 48

@@ -31,13 +31,13 @@ from executive.locations.rejections import (
     COLLISION,
     NO_HOLD,
     NO_ROOM,
-    NO_WAY,
     NOT_LOOKED_AT,
     NOT_VISIBLE,
     OUT_OF_REACH,
     Rejections,
 )
 from executive.robots.arms import ArmModel, called
+from planlang.failure_wording import NO_WAY
 from planlang.geometry import Array
 from planlang.progress import unreported
 from planlang.records import dataclass

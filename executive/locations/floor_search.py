@@ -23,8 +23,9 @@ from executive.locations.base_poses import MOST_CROWDED, BasePoses
 from executive.locations.candidate_search import TRAVEL
 from executive.locations.demands import BaseDemand
 from executive.locations.questions import Question
-from executive.locations.rejections import NO_ROOM, NO_WAY, NOT_VISIBLE, unmet
+from executive.locations.rejections import NO_ROOM, NOT_VISIBLE, unmet
 from executive.locations.validation import PLACES, BaseValidator
+from planlang.failure_wording import NO_WAY
 from planlang.geometry import Array
 from planlang.geometry.areas import FACING, HAIR, Block, Clear, Facing
 from planlang.protocols import Solution

@@ -13,7 +13,6 @@ from executive.belief.believed_bodies import BelievedBodies
 from executive.belief.scene_collisions import BasePose
 from planlang.advice import Change
 from planlang.designators import Action
-from planlang.failure_wording import NO_WAY as NO_WAY
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
 from planlang.geometry.areas import Clear, Facing, Region

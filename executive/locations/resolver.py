@@ -48,7 +48,7 @@ from executive.locations.questions import (
     Findings,
     Question,
 )
-from executive.locations.rejections import NO_WAY, NOT_VISIBLE, Rejections, unmet
+from executive.locations.rejections import NOT_VISIBLE, Rejections, unmet
 from executive.locations.replayable import Replayable
 from executive.locations.search import first_base, search_bases
 from executive.locations.search_count import SearchCount
@@ -57,6 +57,7 @@ from executive.locations.supposed import at_rest, with_in_hand
 from executive.locations.validation import BaseValidator
 from executive.robots.arms import ArmModel
 from planlang.designators import Device, Location, Object, action
+from planlang.failure_wording import NO_WAY
 from planlang.failures import DesignatorFailure, LocationUnresolvable, MissingCapability
 from planlang.geometry import Array, Pose
 from planlang.geometry.areas import Clear, Facing, Region

@@ -25,16 +25,9 @@ from executive.locations.grasp_candidates import CLASSES, Hand
 from executive.locations.hand_predicates import Stage
 from executive.locations.hand_solutions import HandHits, unblocked
 from executive.locations.questions import ALL, BUDGETS, EASY, Findings, FreeHands, Question
-from executive.locations.rejections import (
-    COLLISION,
-    NO_ROOM,
-    NO_WAY,
-    NOT_VISIBLE,
-    OUT_OF_REACH,
-    Rejections,
-    unmet,
-)
+from executive.locations.rejections import COLLISION, NO_ROOM, NOT_VISIBLE, OUT_OF_REACH, Rejections, unmet
 from executive.locations.validation import BaseValidator
+from planlang.failure_wording import NO_WAY
 from planlang.geometry import Array
 from planlang.geometry.areas import Facing
 from planlang.protocols import Solution

@@ -14,7 +14,7 @@ from planlang.runs.run_tree import TaskNode
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z0-9]+|[^\sA-Za-z0-9_-]+")
 _NUMBERED = re.compile(r"[A-Z]?[a-z]*_?\d+")
 """Name of a step that says nothing of it, such as ``Step2``: the class above it does."""
-_UNSAID = re.compile(r"(?:after_failure|constrained_by)=(?:\([^()]*\)|\w+)(?:, )?")
+_CONSTRAINTS = re.compile(r"constrained_by=(?:\([^()]*\)|\w+)(?:, )?")
 _SEVERAL = re.compile(r"=\(([^()]*)\)")
 """Several values of a property."""
 _POSE = re.compile(r"[^(]+\(x=([-\d.]+), y=([-\d.]+), yaw=([-\d.]+)\)")
@@ -51,7 +51,7 @@ class Wording:
         pose = _POSE.fullmatch(action)
         about = f"to {pose_text([float(one) for one in pose.groups()])}" if pose else ""
         if cls not in self.labels and not pose and action.endswith(")"):
-            inside = _HOW.sub(r"\2, \1", _UNSAID.sub("", action.partition("(")[2].removesuffix(")")))
+            inside = _HOW.sub(r"\2, \1", _CONSTRAINTS.sub("", action.partition("(")[2].removesuffix(")")))
             about = properties_text(_SIDE.sub(_lowered, _SEVERAL.sub(r"=\1", inside)), _SHORT)
         return shown(self.step(node), LONGEST) + (f" ({shown(about, LONGEST)})" if about else "")
 

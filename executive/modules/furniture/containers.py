@@ -18,7 +18,6 @@ from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.changes import CLOSE
 from executive.locations.headroom import way_out
-from executive.locations.rejections import NO_WAY
 from executive.locations.shut_ways import behind_doors, is_gripped_from_beyond, open_wide
 from executive.locations.supposed import at_rest
 from executive.modules.arm.hand_work import HandWork
@@ -30,6 +29,7 @@ from executive.modules.runner import Skill, nothing
 from executive.motion import time_curve, time_path
 from executive.robots.arms import ArmModel
 from planlang.designators import Action, FixedPose, Location
+from planlang.failure_wording import NO_WAY
 from planlang.failures import (
     ActionUnresolvable,
     ContainerStuck,

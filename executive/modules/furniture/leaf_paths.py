@@ -16,7 +16,7 @@ from executive.belief.planning_scene import PlanningScene
 from executive.belief.scene_collisions import BasePose
 from executive.locations.changes import CLOSE, Changes
 from executive.locations.explanations import height_of
-from executive.locations.rejections import COLLISION, NO_ROOM, NO_WAY, OUT_OF_REACH, Reason
+from executive.locations.rejections import COLLISION, NO_ROOM, OUT_OF_REACH, Reason
 from executive.locations.shut_ways import least_passed
 from executive.locations.standing import Standing
 from executive.maps.single_changes import leaf_moved
@@ -25,6 +25,7 @@ from executive.modules.furniture.leaf_grips import Grips, grips_of, on_side_of_h
 from executive.robots.arms import ArmModel
 from planlang.advice import Advice
 from planlang.designators import Action, action
+from planlang.failure_wording import NO_WAY
 from planlang.failures import LocationUnresolvable
 from planlang.geometry import Array
 from planlang.geometry.matrices import moved, product
