@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planlang.geometry import Array, Pose
+from planlang.geometry import IDENTITY, Array, Pose
 from planlang.geometry.matrices import product, rotated
 from planlang.geometry.shapes import SolidKind, overlaps
 from planlang.records import dataclass
@@ -132,7 +132,7 @@ class Bodies:
     def _add(self, bodies: Iterable[Body], parts: Mapping[str, tuple[Part, ...]]) -> None:
         """Add the pieces of bodies, all at once; their places are the same bits as those of :meth:`_put`."""
         owned = [(body, part) for body in bodies for part in parts.get(body.name) or plain(body)]
-        offset = [k for k, (_, part) in enumerate(owned) if part.offset != _HERE]
+        offset = [k for k, (_, part) in enumerate(owned) if part.offset != IDENTITY]
         poses = [body.pose for body, _ in owned]
         composed = product(Pose.matrices(poses[k] for k in offset), Pose.matrices(owned[k][1].offset for k in offset))
         for k, pose in zip(offset, Pose.from_matrices(composed), strict=True):
@@ -235,7 +235,7 @@ class Bodies:
     def _put(self, name: str, indices: Sequence[int]) -> None:
         """Move pieces of a body to where they belong: all at once, as a thing in a hand moves with each query."""
         pieces, body = [self.pieces[index] for index in indices], self.poses[name]
-        apart = [piece for piece in pieces if piece.offset != _HERE]
+        apart = [piece for piece in pieces if piece.offset != IDENTITY]
         for piece in pieces:
             piece.pose = body
         if apart:
@@ -337,9 +337,6 @@ class Bodies:
         return smallest
 
 
-_HERE = Pose((0.0, 0.0, 0.0))
-
-
 def _extents(part: Part) -> tuple[float, float, float]:
     """Extents of the box around a part; round ones are as wide as their larger side."""
     x, y, z = part.size
@@ -356,7 +353,7 @@ def plain(body: Body) -> tuple[Part, ...]:
 def _parts_of(own: tuple[Any, ...]) -> tuple[Part, ...]:
     """Split a body with these properties, which many things of a class share."""
     shape, size, cavities, blade, wall, handles, centre = own
-    body = Body("", _HERE, size, shape, cavities=cavities, blade=blade, wall=wall, handles=handles, centre=centre)
+    body = Body("", IDENTITY, size, shape, cavities=cavities, blade=blade, wall=wall, handles=handles, centre=centre)
     return (*_without_handles(body), *(Part(SolidKind.BOX, one.size, one.pose) for one in body.handles))
 
 
@@ -377,7 +374,7 @@ def _without_handles(body: Body) -> tuple[Part, ...]:
         case BodyShape.CYLINDER if body.wall:
             return tuple(_dish(body.size, body.wall))
         case shape:
-            return (Part(SolidKind(shape), body.size, _HERE),)
+            return (Part(SolidKind(shape), body.size, IDENTITY),)
 
 
 BLADE, HANDLE = 0.002, 0.02

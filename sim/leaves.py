@@ -8,7 +8,7 @@ from dataclasses import field
 import numpy as np
 from numpy.typing import NDArray
 
-from planlang.geometry import Array, Pose
+from planlang.geometry import IDENTITY, Array, Pose
 from planlang.geometry.matrices import moved, rotated
 from planlang.records import dataclass
 from sim.bodies import Bodies
@@ -43,9 +43,6 @@ class LeafGrasp:
     """For a knob, whose centre stays in place: its displacement in the link's frame."""
 
 
-_HERE = Pose((0.0, 0.0, 0.0))
-
-
 class Leaves:
     """Joint values of a scene's leaves in one world."""
 
@@ -76,7 +73,7 @@ class Leaves:
         """Move a grasped leaf to match the pose of its hand."""
         led, joint = self.led[leaf], self.joints[leaf]
         at = moved(hand.matrix(), led.grip)
-        value = joint.value_at(led.closed, at) if led.turn is None else joint.value_of(_HERE, hand @ led.turn)
+        value = joint.value_at(led.closed, at) if led.turn is None else joint.value_of(IDENTITY, hand @ led.turn)
         self.put(leaf, value, led.carried)
 
     def strayed(self, leaf: str, hand: Pose) -> bool:

@@ -9,7 +9,7 @@ from dataclasses import field
 
 import numpy as np
 
-from planlang.geometry import Array, Pose
+from planlang.geometry import IDENTITY, Array, Pose
 from planlang.geometry.matrices import facing, moved, rotated
 from planlang.geometry.shapes import SolidKind, half_extents
 from planlang.records import dataclass
@@ -35,7 +35,6 @@ LOW = (-0.25, -0.35, -0.45)
 _SKIN = (0.86, 0.68, 0.56, 1.0)
 _CLOTHES = (0.45, 0.62, 0.78, 1.0)
 _UP = np.array([0.0, 0.0, 1.0])
-_UNTURNED = Pose((0.0, 0.0, 0.0))
 _UPPER, _FORE, _HAND = 0.30, 0.27, 0.09
 
 
@@ -144,7 +143,7 @@ def _standing(height: float) -> Figure:
     scale, ground = height / 1.75, -height / 2
     pelvis = np.array([0.0, 0.0, ground + 0.93 * scale])
     legs = [_box([0, 0, ground + 0.465 * scale], (0.2, 0.32, 0.93), scale, _CLOTHES)]
-    return _figure(pelvis, _UP, scale, _UNTURNED, legs, np.array([0.05, 0.25, -0.05]))
+    return _figure(pelvis, _UP, scale, IDENTITY, legs, np.array([0.05, 0.25, -0.05]))
 
 
 def _seated(length: float, height: float) -> Figure:
@@ -152,7 +151,7 @@ def _seated(length: float, height: float) -> Figure:
     pelvis = np.array([-length / 2 + 0.12 * scale, 0.0, ground + 0.47 * scale])
     shins = _box([pelvis[0] + 0.45 * scale, 0, ground + 0.22 * scale], (0.14, 0.32, 0.44), scale, _CLOTHES)
     thighs = _box(np.add(pelvis, (0.25 * scale, 0.0, 0.0)), (0.5, 0.34, 0.16), scale, _CLOTHES)
-    return _figure(pelvis, _UP, scale, _UNTURNED, [shins, thighs], np.array([0.35, 0.2, 0.14]))
+    return _figure(pelvis, _UP, scale, IDENTITY, [shins, thighs], np.array([0.35, 0.2, 0.14]))
 
 
 def _figure(pelvis: Array, up: Array, scale: float, turn: Pose, legs: list[Part], rest: Array) -> Figure:

@@ -17,7 +17,7 @@ from executive.maps.semantic_map import PosesOfThings, SemanticMap
 from executive.maps.statements import Placement, decimal, facts_of, number
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note
-from planlang.geometry import Pose
+from planlang.geometry import IDENTITY, Pose
 from planlang.geometry.matrices import orthonormal, product, rigid, rotated
 from planlang.measures import length, read_transform, stated
 from planlang.ontology import Ontology, Triple, expand
@@ -64,7 +64,7 @@ class MapSource:
         poses = PosesOfThings(self.map.ontology, [])
         maps = self.map.ontology.individuals(expand("Map"))
         with_files = [iri for iri in maps if any(self.map.ontology.said(iri, "linkToMapFile"))]
-        files = {iri: Placement(iri, poses.pose(iri) or _IDENTITY) for iri in with_files}
+        files = {iri: Placement(iri, poses.pose(iri) or IDENTITY) for iri in with_files}
         placed = {iri: replace(one, pose=transform @ one.pose) for iri, one in {**files, **self.placed}.items()}
         things = (replace(one, pose=transform @ one.pose) if one.pose else one for one in self.map.objects)
         turned = {
@@ -90,7 +90,7 @@ def in_frame_of(first: MapSource, source: MapSource, ontology: Ontology, notes: 
         if transform is None:
             _check_one_frame(first, source, len(common), count)
             return source
-    if transform.distance(_IDENTITY) < 1e-6 and transform.turn(_IDENTITY) < 1e-6:
+    if transform.distance(IDENTITY) < 1e-6 and transform.turn(IDENTITY) < 1e-6:
         return source
     x, y, z = (number(round(one, 3)) for one in transform.position)
     yaw = math.degrees(math.atan2(transform.rotation[1, 0], transform.rotation[0, 0])) + 0.0
@@ -99,9 +99,6 @@ def in_frame_of(first: MapSource, source: MapSource, ontology: Ontology, notes: 
     )
     notes.append(note("M027", message, Span(str(source.map.ontology.documents[0].path))))
     return source.moved(transform)
-
-
-_IDENTITY = Pose((0.0, 0.0, 0.0))
 
 
 # Stated frames
@@ -122,7 +119,7 @@ def _anchors(source: MapSource) -> dict[str, Pose]:
     """Collect the poses, in the frame of a map, of everything that another frame may be relative to, by IRI."""
     ontology = source.map.ontology
     anchors = {iri: one.pose for iri, one in source.placed.items()}
-    anchors |= {iri: _IDENTITY for iri in ontology.individuals(expand("SemanticEnvironmentMap")) if ontology.main(iri)}
+    anchors |= {iri: IDENTITY for iri in ontology.individuals(expand("SemanticEnvironmentMap")) if ontology.main(iri)}
     for _, parent, pose in _frames(ontology):
         if parent is not None:
             anchors[parent] = pose.inverse()
@@ -164,7 +161,7 @@ def _estimate(common: Sequence[tuple[Pose, Pose]]) -> tuple[Pose | None, int]:
     Each common object proposes a candidate; the best is refined by averaging over the objects that agree with it.
     None unless that is clearly more than without a transformation: objects move, and some may have moved together.
     """
-    counts = [(len(_places(common, _IDENTITY)), _IDENTITY)]
+    counts = [(len(_places(common, IDENTITY)), IDENTITY)]
     candidates = (ours @ theirs.inverse() for ours, theirs in common[:MOST_TRIED])
     counts += [(len(_places(common, transform)), transform) for transform in candidates]
     best_count, best = max(counts, key=lambda one: one[0])

@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from executive.maps.measures import Size
-from executive.maps.semantic_map import COMPONENTS, WHOLES, PosesOfThings
+from executive.maps.semantic_map import WHOLES, PosesOfThings
+from executive.maps.soma import COMPONENTS
 from planlang.designators import local_name
 from planlang.geometry import Array
 from planlang.geometry.matrices import product

@@ -22,7 +22,7 @@ from executive.maps.point_cloud import read_points
 from executive.maps.semantic_map import PosesOfThings, SemanticMap
 from planlang.designators import local_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, note, unread, warning
-from planlang.geometry import Array, Pose
+from planlang.geometry import IDENTITY, Array, Pose
 from planlang.geometry.cover import at_most, cells
 from planlang.geometry.matrices import moved, rotated
 from planlang.geometry.shapes import corners, footprint
@@ -50,9 +50,6 @@ Box = tuple[Pose, tuple[float, float, float]]
 """Pose of the centre in the map, and size [m]."""
 
 
-_MAP = Pose((0.0, 0.0, 0.0))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class OccupiedSpace:
     """Occupied points of a frame."""
@@ -65,7 +62,7 @@ class OccupiedSpace:
     """Half the height that a point represents: 0, or half a cell [m]."""
     height: float | None = None
     """Common height of the obstacles if the data are two-dimensional: then z of all points is 0 [m]."""
-    frame: Pose = _MAP
+    frame: Pose = IDENTITY
     """Pose of the frame in the map; both z axes are parallel."""
 
     def within(self, frame: Pose) -> OccupiedSpace:
@@ -76,7 +73,7 @@ class OccupiedSpace:
         whole = frame @ self.frame
         if self.height is not None or abs(whole.rotation[2, 2] - 1.0) < TILTED:
             return replace(self, frame=whole)
-        return replace(self, points=moved(whole.matrix(), self.points), frame=_MAP)
+        return replace(self, points=moved(whole.matrix(), self.points), frame=IDENTITY)
 
     def boxes(self, bodies: Sequence[Body]) -> tuple[list[Box], float]:
         """Cover the points that no body explains with boxes; if there are rooms, only the points inside.
@@ -202,7 +199,7 @@ def _files(ontology: Ontology, notes: list[Diagnostic]) -> Iterator[tuple[Path, 
             make = warning if problem is NO_COPY else unread
             notes.append(make("M025", message, triple.span))
         elif path is not None:
-            yield path, (poses.pose(iri) if isinstance(iri, str) else None) or Pose((0.0, 0.0, 0.0))
+            yield path, (poses.pose(iri) if isinstance(iri, str) else None) or IDENTITY
 
 
 def _file(triple: Triple, link: str) -> tuple[Path | None, str]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from executive.maps.classes import MapObject, is_kind, misspellings, parts_of_classes, with_known_classes
 from executive.maps.measures import read_boards, read_size
-from executive.maps.soma import in_known_words
+from executive.maps.soma import COMPONENTS, in_known_words
 from planlang.designators import Object, is_called, local_name, names_of, unused_name
 from planlang.diagnostics import BadInput, Diagnostic, Span, error, note, settled, unread
 from planlang.geometry import Array, Pose
@@ -231,7 +231,6 @@ OPENINGS = ("Doorway", "Portal")
 
 IN_HAND = "srdl2-comp:predecessorInKinematicChain"
 """Property from an object to the robot link that holds it when a run begins."""
-COMPONENTS = ("vectorX", "vectorY", "vectorZ")
 """Properties from a direction of a feature to its components."""
 FEATURES = frozenset({"Cone", "FlatPhysicalSurface", "Sphere"})
 """Classes of parts that are features of an object model rather than objects."""

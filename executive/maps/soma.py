@@ -19,7 +19,7 @@ import numpy as np
 from executive.maps.link_names import LINKS, with_links
 from planlang.designators import local_name, unused_name
 from planlang.diagnostics import Diagnostic, note, unread
-from planlang.geometry import Array, Pose
+from planlang.geometry import IDENTITY, Array, Pose
 from planlang.geometry.mesh import BadMesh, mesh_content, mesh_of
 from planlang.measures import EXTENTS, LARGEST, lengths
 from planlang.ontology import BNode, Literal, Ontology, Term, Triple, expand
@@ -234,7 +234,7 @@ class _Restatement:
         place, turn = (self._numbers(replace(frame.at, object=one)) for one in (frame.translation, frame.quaternion))
         if place is None or turn is None or len(place) != 3 or len(turn) != 4 or not any(turn):
             self._unread(local_name(str(frame.at.subject)), frame.at)
-            return Pose((0.0, 0.0, 0.0))
+            return IDENTITY
         return Pose(place, turn)
 
     def _numbers(self, stated: Triple) -> tuple[float, ...] | None:

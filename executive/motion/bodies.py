@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planlang.cache import Cache
-from planlang.geometry import Array, Pose
+from planlang.geometry import IDENTITY, Array, Pose
 from planlang.geometry.matrices import moved, product, rotated
 from planlang.geometry.shapes import ConvexSolid, SolidKind, convex_solid
 from planlang.records import dataclass
@@ -327,7 +327,7 @@ class Solids:
         """Convert one piece to points that span it; its pose is not included."""
         kind = (SolidKind.BOX, SolidKind.CYLINDER, SolidKind.SPHERE)[self.kinds[number] - 1]
         x, y, z = (2 * self.extents[number]).tolist()
-        return convex_solid(kind, (x, y, z), Pose((0.0, 0.0, 0.0)))
+        return convex_solid(kind, (x, y, z), IDENTITY)
 
     def crossed(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
         """Check which segments (n, 3) enter a piece from outside (for a round piece, the box inside it), (n,)."""

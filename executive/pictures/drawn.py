@@ -17,7 +17,7 @@ import numpy as np
 
 from executive.pictures.looks import BEVEL, Piece, Rgba, colour_of, colours, look_of, pieces_of
 from executive.pictures.solids import Solid, ball, box, lathe, shaded, tube
-from planlang.geometry import Array, Pose
+from planlang.geometry import IDENTITY, Array, Pose
 from planlang.geometry.mesh import mesh_of
 from planlang.geometry.shapes import Size, SolidKind
 from planlang.geometry.urdf import origin_of
@@ -38,8 +38,6 @@ MOST_TRIANGLES = 1500
 CELLS = 48
 """Initial number of grid cells along the longest side for vertex clustering; reduced until the mesh is small enough."""
 
-
-HERE = Pose((0.0, 0.0, 0.0))
 GREY: Rgba = (172, 174, 178, 255)
 
 
@@ -51,7 +49,7 @@ class Shape:
     """"box", "cylinder" (axis along z), "sphere" or "mesh"."""
     size: Size
     """Extents along x, y and z [m]; for a mesh those of its bounding box."""
-    pose: Pose = HERE
+    pose: Pose = IDENTITY
     colour: Rgba = GREY
     """Red, green, blue and opacity, 0..255."""
     mesh: Solid | None = None
@@ -343,7 +341,7 @@ def _thing(body: Body, parts: Sequence[Part]) -> Iterator[Shape]:
         yield _part(Part(SolidKind.BOX, handle.size, handle.pose), colours()["knob"])
 
 
-def _surface(piece: Piece, colour: Rgba = GREY, pose: Pose = HERE) -> Shape:
+def _surface(piece: Piece, colour: Rgba = GREY, pose: Pose = IDENTITY) -> Shape:
     return _mesh(piece.solid, piece.colour or colour, pose)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from executive.locations.capabilities import Maps
 from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
 from executive.pictures.rendering import Image
 from executive.pictures.robot_picture import hand_picture, robot_picture
@@ -16,8 +17,6 @@ from executive.robots.arms import ArmModel
 from planlang.geometry import Array
 from planlang.sheets import FAINT, FINE, INK, Colour, Sheet, blended
 from sim import PlanningWorld
-
-Maps = Mapping[GraspClass, ReachabilityMap]
 
 METRE, MARGIN, TITLE, CAPTION, LABELS = 130, 22, 104, 24, 16
 """Pixels per metre; margin, heights of title and captions, and room for numbers at the axes [pixels]."""

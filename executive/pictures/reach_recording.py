@@ -9,14 +9,13 @@ import numpy as np
 import rerun
 from rerun import blueprint
 
-from executive.locations.reachability import CELL, YAWS, GraspClass, ReachabilityMap
+from executive.locations.capabilities import Maps
+from executive.locations.reachability import CELL, YAWS, ReachabilityMap
 from executive.pictures.drawn import Drawn
 from executive.pictures.reach_picture import SCALE
 from executive.pictures.recorded_world import MAP, TRUTH, record_robot, stream_to
 from executive.robots.arms import ArmModel
 from planlang.sheets import blended
-
-Maps = Mapping[GraspClass, ReachabilityMap]
 
 POINT = 0.012
 """Radius of a point of a cloud [m]."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from executive.pictures.drawn import Drawn, Shape
 from executive.pictures.pose_track import Tracks
 from executive.pictures.solids import Solid, vertex_normals
-from planlang.geometry import Array, Pose
+from planlang.geometry import IDENTITY, Array, Pose
 from planlang.geometry.matrices import moved, rotated
 from planlang.geometry.shapes import SolidKind
 from planlang.records import dataclass
@@ -74,7 +74,7 @@ def draw(stream: rerun.RecordingStream, entity: str, frame: str, shapes: Sequenc
 
 def place(stream: rerun.RecordingStream, entity: str, frame: str, keyframes: Sequence[Keyframe], rate: int) -> None:
     """Write the poses of a frame over time; a frame that never moves is static."""
-    poses = [keyframe.pose or _HERE for keyframe in keyframes]
+    poses = [keyframe.pose or IDENTITY for keyframe in keyframes]
     columns: dict[str, Any] = {
         "translation": np.array([pose.position for pose in poses]),
         "quaternion": np.array([pose.orientation for pose in poses]),
@@ -88,9 +88,6 @@ def place(stream: rerun.RecordingStream, entity: str, frame: str, keyframes: Seq
         return
     steps = [keyframe.step for keyframe in keyframes]
     stream.send_columns(entity, indexes=[times(steps, rate)], columns=rerun.Transform3D.columns(**columns))
-
-
-_HERE = Pose((0.0, 0.0, 0.0))
 
 
 def record_truth(stream: rerun.RecordingStream, drawn: Sequence[Drawn], tracks: Tracks, rate: int) -> None:

@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 from executive.belief import Belief
 from executive.locations.rejections import MOST_PLACES, Rejections
 from executive.pictures import viewpoints
-from executive.pictures.drawn import HERE, Drawn, Shape, drawn_in
+from executive.pictures.drawn import Drawn, Shape, drawn_in
 from executive.pictures.floor_plan import colours
 from executive.pictures.pose_track import MAP, RATE, Track, Tracks
 from executive.pictures.scenery import Outline, outlines
 from executive.pictures.solids import Solid
 from planlang.designators import Location
-from planlang.geometry import Array, Pose
+from planlang.geometry import IDENTITY, Array, Pose
 from planlang.records import dataclass
 from planlang.report import Told as Told
 from planlang.report import model_of, page
@@ -66,7 +66,7 @@ class Shapes:
 
     def _shape(self, shape: Shape) -> dict[str, Any]:
         data: dict[str, Any] = {"kind": shape.kind, "colour": list(shape.colour)}
-        if shape.pose != HERE:
+        if shape.pose != IDENTITY:
             data["at"] = [round(float(one), 5) for one in (*shape.pose.position, *shape.pose.orientation)]
         if shape.mesh is not None:
             return data | {"mesh": self._mesh(shape.mesh)}

@@ -13,12 +13,13 @@ from functools import cached_property
 from executive.maps.single_changes import leaf_moved, option_set, things_away, things_moved
 from executive.maps.supports import FLOOR, Standing
 from executive.why.costs import cost_of
-from executive.why.evidence import PUTTING_DOWN, Evidence
+from executive.why.evidence import Evidence
 from executive.why.free_places import is_at_rest, is_free, is_in, poses_after
 from planlang.advice import ARM, ATTEMPTS, BEFORE, GRASP, ROBOT, SCHEDULE, Change
 from planlang.designators import GRASPS
 from planlang.geometry import Pose
 from planlang.records import dataclass
+from planlang.recoveries import ASIDE
 from sim import Scene
 from sim.joints import Articulation
 from sim.scene import BodyShape
@@ -165,7 +166,7 @@ class _Generator:
             yield 1, ATTEMPTS, option_set(ATTEMPTS, 1)
         for name, step in self._situation.evidence.held:
             if name in self._bodies:
-                yield 0, PUT_DOWN, option_set(BEFORE, f"{PUTTING_DOWN} {name}@{step}")
+                yield 0, PUT_DOWN, option_set(BEFORE, f"{ASIDE} {name}@{step}")
         for rank, joint in self._related_joints():
             act = OPENING if joint.is_shut(joint.first) else CLOSING
             yield rank, BEFORE, option_set(BEFORE, f"{act} {joint.leaf}")

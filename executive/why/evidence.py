@@ -24,6 +24,7 @@ from planlang.failures import (
 )
 from planlang.plan_failure import links_of
 from planlang.records import dataclass
+from planlang.recoveries import ASIDE
 from planlang.relations.reaching import InReachOf
 from planlang.runs import RunTree, TaskNode
 from planlang.runs.codec import load_failure
@@ -37,8 +38,6 @@ OF_ROBOTS = (
 """Failures of what a robot cannot do, wherever things are."""
 OF_HANDS = (HandsFull, HandsLacking)
 """Failures for want of a free hand."""
-PUTTING_DOWN = "SettingAsideAnObject"
-"""Class of the action by which a held thing is put down."""
 AT_LAST = "EmptyingTheHands"
 """Class of the action by which all that is held is put down once the plan has failed."""
 SAME = 100
@@ -126,7 +125,7 @@ class Evidence:
 
     def is_past(self, other: Evidence) -> bool:
         """Check whether this run did more steps than another, or as many and failed elsewhere."""
-        is_elsewhere = self.where != other.where and f"/{PUTTING_DOWN}/" not in self.where
+        is_elsewhere = self.where != other.where and f"/{ASIDE}/" not in self.where
         return self.steps > other.steps or (self.steps == other.steps and is_elsewhere)
 
     def named(self, names: Collection[str]) -> list[str]:
@@ -147,7 +146,7 @@ def _succeeded(tree: RunTree) -> int:
     plan = next((node for node in tree.numbered.values() if node.kind == "plan"), None)
     if plan is None:
         return -1
-    return sum(one.status == "succeeded" and one.action != PUTTING_DOWN for one in plan.children)
+    return sum(one.status == "succeeded" and one.action != ASIDE for one in plan.children)
 
 
 def _held(tree: RunTree, texts: Sequence[str], *, are_hands_lacking: bool) -> Iterator[tuple[str, str]]:

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 from executive.why.candidates import CLOSING, OPENING
 from executive.why.costs import displacement, groups_of
-from executive.why.evidence import PUTTING_DOWN
 from planlang.advice import ABSENT, ARM, ATTEMPTS, BEFORE, GRASP, POSITION, ROBOT, SCHEDULE, START, Change
 from planlang.geometry.areas import HAIR
+from planlang.recoveries import ASIDE
 from sim import Scene
 from sim.joints import Articulation, JointKind
 
@@ -67,7 +67,7 @@ def _before(value: str) -> str:
     """Say an action that comes before the plan, or before a step of it."""
     what, _, step = value.partition("@")
     act, _, name = what.partition(" ")
-    if act == PUTTING_DOWN:
+    if act == ASIDE:
         return f"the robot puts {name} down before {step}"
     acts = {OPENING: "opens", CLOSING: "closes"}.get(act, f"performs {act} on")
     return f"the robot first {acts} {name}"

@@ -14,7 +14,7 @@ from planlang.closure import grouped
 from planlang.compiler.tree import ActionTerm, Described, LatestProduct, PlaceUse, Resting, StepResult, Value
 from planlang.designators import local_name, snake_case, unused_name
 from planlang.ontology import Ontology, shorten
-from planlang.recipe.actions import Actions
+from planlang.recipe.actions import SIDED, Actions
 from planlang.recipe.fillers import is_of_unknown_kind
 from planlang.recipe.model import (
     Constraint,
@@ -361,9 +361,6 @@ def _unclashed(key: str, taken: Iterable[str]) -> str:
 
 ROLES = ("base", "torso", "arm", "gripper", "head")
 """Roles in the order in which a plan names them; others follow by name."""
-
-SIDED = frozenset({"arm", "gripper"})
-"""Roles that exist once per side of a robot."""
 
 SIDES = ("left", "right")
 

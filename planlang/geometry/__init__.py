@@ -7,6 +7,6 @@ Frames: ``map`` is right-handed with z up and the floor at z = 0. Lengths in met
 (x, y, z, w).
 """
 
-from planlang.geometry.matrices import Array, Pose
+from planlang.geometry.matrices import IDENTITY, Array, Pose
 
-__all__ = ["Array", "Pose"]
+__all__ = ["IDENTITY", "Array", "Pose"]

@@ -225,6 +225,10 @@ class Pose:
         return math.dist(self.position, other.position)
 
 
+IDENTITY = Pose((0.0, 0.0, 0.0))
+"""The pose of a frame in itself."""
+
+
 def apart(base: Sequence[float], other: Sequence[float]) -> tuple[float, float]:
     """Compute the distance [m] of two base poses (x, y, yaw) and the angle between their headings [rad]."""
     return math.dist(base[:2], other[:2]), abs(math.remainder(base[2] - other[2], 2 * math.pi))

@@ -18,7 +18,7 @@ from planlang.designators import local_name
 from planlang.diagnostics import Diagnostic, error, note, warning
 from planlang.files import bundled
 from planlang.ontology.classes import namesakes
-from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
+from planlang.ontology.terms import INTEGER, KNOWROB, LANGUAGES, OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
 from planlang.ontology.triples import Triples, counted
 from planlang.spelling import similar
 
@@ -158,11 +158,10 @@ _FILLERS = frozenset(OWL + name for name in ("someValuesFrom", "allValuesFrom", 
 _NUMBERS = frozenset(
     f"{OWL}{name}ardinality" for name in ("minC", "maxC", "c", "minQualifiedC", "maxQualifiedC", "qualifiedC")
 )
-_INTEGER = re.compile(r"[+-]?[0-9]+")
 _NATURAL = re.compile(r"\+?[0-9]+|-0+")
 _DOUBLE = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?INF|NaN")
 _FORMS = {
-    **{XSD + name: _INTEGER for name in ("integer", "int", "long", "short", "byte")},
+    **{XSD + name: INTEGER for name in ("integer", "int", "long", "short", "byte")},
     **{XSD + name: _NATURAL for name in ("nonNegativeInteger", "unsignedInt", "unsignedLong", "unsignedShort")},
     XSD.positiveInteger: re.compile(r"\+?0*[1-9][0-9]*"),
     XSD.decimal: re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)"),
@@ -344,8 +343,6 @@ def _shown(term: Term) -> str:
 MOST_SUGGESTIONS = 20
 """Undefined classes for which a similar name is looked up, which is slow in large ontologies."""
 
-_W3C = (OWL, RDF, RDFS, XSD)
-
 
 class Declarations(Protocol):
     """Part of Ontology that the checks need: the triples of all documents, and what they declare."""
@@ -417,7 +414,7 @@ def _classes_of_effects(triples: Triples, rows: range) -> dict[str, int]:
 
 def _undefined(ontology: Declarations, what: str, first: dict[str, int]) -> Iterator[Diagnostic]:
     """Yield a warning for each class (IRI -> row of its first use) that nothing defines; ``what`` says what it is."""
-    undefined = [name for name in first if not name.startswith(_W3C) and not ontology.defined(name)]
+    undefined = [name for name in first if not name.startswith(LANGUAGES) and not ontology.defined(name)]
     same = namesakes(undefined, ontology.class_names())
     for index, name in enumerate(undefined[:MOST_WARNINGS]):
         message = f"{what.format(f'{local_name(name)} ({name})')} is not defined"

@@ -13,9 +13,9 @@ from planlang.ontology.canonical import ANNOTATION, AXIOM, CannotSay, Graph, Sor
 from planlang.ontology.canonical import Names as Prefixes
 from planlang.ontology.expression_text import Expressions, Words
 from planlang.ontology.expressions import Expression
-from planlang.ontology.manchester_writer import ANNOTATING, CHARACTERISTICS, LANGUAGES
+from planlang.ontology.manchester_writer import ANNOTATING, CHARACTERISTICS
 from planlang.ontology.structures import ENTITIES, EXPRESSIONS, fits
-from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
+from planlang.ontology.terms import LANGUAGES, OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
 from planlang.records import dataclass
 
 _KINDS = {iri: word for word, iri in ENTITIES.items()}
@@ -151,7 +151,7 @@ class _Reader:
         axioms = [word for _, word in stated]
         if self._order is Sorting.TERMS:
             axioms.sort(key=lambda word: (word.word != "Declaration", self._words.written(word)))
-        standard = zip(("owl", "rdf", "rdfs", "xsd"), (OWL, RDF, RDFS, LANGUAGES[3]), strict=True)
+        standard = zip(("owl", "rdf", "rdfs", "xsd"), LANGUAGES, strict=True)
         prefixes = {**dict(standard), **dict(self._names.used(self._declared))}
         ordered = sorted(prefixes.items(), key=lambda one: f"{one[0]}:")
         return Document(ordered, names, header, axioms, list(self._graph.rest()), self._words)

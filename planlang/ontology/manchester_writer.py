@@ -8,7 +8,7 @@ from functools import partial
 
 from planlang.ontology.canonical import ANNOTATION, AXIOM, CannotSay, Graph, Names, Sorting
 from planlang.ontology.expression_text import FORMS, Expressions, Words
-from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
+from planlang.ontology.terms import LANGUAGES, OWL, RDF, RDFS, BNode, Literal, Term, Triple
 from planlang.records import dataclass
 
 
@@ -392,7 +392,6 @@ ANNOTATING = frozenset(
      *(OWL + name for name in ("versionInfo", "deprecated", "priorVersion", "backwardCompatibleWith",
                                "incompatibleWith")))
 )  # fmt: skip
-LANGUAGES = (OWL, RDF, RDFS, XSD)
 
 
 @dataclass(slots=True)

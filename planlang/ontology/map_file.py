@@ -9,10 +9,9 @@ import re
 from pathlib import Path
 
 from planlang.diagnostics import Span
-from planlang.ontology.terms import OWL, RDF, Literal, expand
+from planlang.ontology.terms import OWL, RDF, ROBOEARTH, Literal, expand
 from planlang.ontology.triples import Parsed, Triples
 
-ROBOEARTH = "http://www.roboearth.org/kb/roboearth.owl#"
 OCCUPANCY_GRID, POINTS, OCTREE = (f"{ROBOEARTH}{name}" for name in ("OccupancyGridMap", "PointMap", "OctoMap"))
 _COMMENTS = rb"(?:#[^\n]{0,200}\n){0,10}"
 _NUMBER = rb"[-+]?(?:[0-9.]+(?:[eE][-+]?[0-9]+)?|nan|NaN)"

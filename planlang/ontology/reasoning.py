@@ -33,7 +33,7 @@ from planlang.extras import install_command
 from planlang.ontology.checks import is_malformed
 from planlang.ontology.nested_writers import rdfxml
 from planlang.ontology.ontology import Ontology
-from planlang.ontology.terms import OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
+from planlang.ontology.terms import INTEGER, OWL, RDF, RDFS, XSD, BNode, Literal, Term, Triple
 from planlang.records import dataclass
 from planlang.temporary import temporary_folder
 from planlang.words import Option, Text
@@ -275,7 +275,6 @@ BUILT_IN = frozenset(
 )
 """Datatypes of OWL 2."""
 
-_INTEGER = re.compile(r"[+-]?[0-9]+")
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _FILLERS = frozenset((OWL.someValuesFrom, OWL.allValuesFrom, OWL.hasValue, OWL.onDataRange))
 _WORDS = frozenset((RDFS.label, RDFS.comment, RDFS.seeAlso, RDFS.isDefinedBy, OWL.versionInfo, OWL.imports))
@@ -354,7 +353,7 @@ class _AxiomFilter:
         is_filler = triple.predicate == OWL.hasValue
         prop = self._properties.get(triple.subject) if is_filler else triple.predicate
         datatype = self._range(prop) if prop is not None and not prop.startswith(_W3C) else None
-        form = _INTEGER if datatype in _INTEGERS else _NUMBER
+        form = INTEGER if datatype in _INTEGERS else _NUMBER
         if datatype is None or datatype == value.datatype or not form.fullmatch(value.value.strip()):
             return triple
         self._numbers.append(triple.span)

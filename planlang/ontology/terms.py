@@ -12,7 +12,7 @@ from planlang.diagnostics import Span
 from planlang.files import bundled
 from planlang.records import dataclass
 
-_INTEGER = re.compile(r"[+-]?[0-9]+")
+INTEGER = re.compile(r"[+-]?[0-9]+")
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:")
 
 
@@ -81,6 +81,9 @@ XSD = Namespace(
 )
 """Only the datatypes that planlang uses; the other three namespaces are complete."""
 
+LANGUAGES = (OWL, RDF, RDFS, XSD)
+"""Namespaces of the languages themselves."""
+
 KNOWROB = "http://knowrob.org/kb/knowrob.owl#"
 ROBOEARTH = "http://www.roboearth.org/kb/roboearth.owl#"
 SOMA = "http://www.ease-crc.org/ont/SOMA.owl#"
@@ -131,7 +134,7 @@ class Literal:
         number = float(text)
         if not math.isfinite(number):
             raise ValueError(f"not a finite number: {text!r}")
-        return int(text) if _INTEGER.fullmatch(text) else number
+        return int(text) if INTEGER.fullmatch(text) else number
 
     def __str__(self) -> str:
         quoted = '"' + self.value.replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -33,7 +33,8 @@ _ANY = "PurposefulAction"
 
 _HANDLED = ("in_center_of", "in_front_of")
 """Relations between a goal of the hand and the thing that it handles there."""
-_HAND = frozenset({"arm", "gripper"})
+SIDED = frozenset({"arm", "gripper"})
+"""Resources that exist once per side of a robot."""
 _DEPENDS = expand("dependsOnCapability")
 _BASE_MOTION = expand("BaseMotionCapability")
 
@@ -155,7 +156,7 @@ class Actions:
     def uses_hand(self, step: Step) -> bool:
         """True for a primitive that needs an arm or a gripper."""
         primitive = self.primitive(step)
-        return primitive is not None and not _HAND.isdisjoint(primitive.resources)
+        return primitive is not None and not SIDED.isdisjoint(primitive.resources)
 
     def hand_goals(self, step: Step) -> tuple[Place | Thing, ...]:
         """Goals of the hand in a primitive step, without named postures."""

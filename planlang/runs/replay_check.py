@@ -20,7 +20,7 @@ from planlang.runs.codec import Exact, encode
 from planlang.runs.journal import FluentKeys
 from planlang.runs.recorded_run import BOOKKEEPING, DamagedTrace, Line, RecordedRun, details, value_in
 from planlang.runs.repeating import agree
-from planlang.runs.trace import Different, Trace, shown
+from planlang.runs.trace import FROM_OUTSIDE, Different, Trace, shown
 
 
 class ReplayOver(BaseException):
@@ -87,7 +87,7 @@ class ReplayCheck(Trace):
         """Advance to the next record that is compared."""
         while self.place < len(self.lines):
             line = self.lines[self.place]
-            if line.event not in BOOKKEEPING and line.event != "header" and (line.path or line.event in ENDINGS):
+            if line.event not in BOOKKEEPING and line.event != "header" and (line.path or line.event in FROM_OUTSIDE):
                 return
             self.place += 1
 
@@ -120,7 +120,7 @@ class ReplayCheck(Trace):
 
     def write(self, step: int, event: str, node: Node | None = None, /, **more: object) -> None:
         """Compare a record with the next recorded one."""
-        if self.over or event in BOOKKEEPING or (node is None and event not in ENDINGS):
+        if self.over or event in BOOKKEEPING or (node is None and event not in FROM_OUTSIDE):
             return
         line = self.next()
         path = None if node is None else node.path
@@ -229,9 +229,6 @@ class ReplayCheck(Trace):
             self.difference = Different(f"line {line.number} is damaged: {damage}", line.number, dict(line.record))
             self.over = True
             raise ReplayOver from None
-
-
-ENDINGS = frozenset({"interrupted", "drained"})
 
 
 class ReplayHost:

@@ -21,7 +21,7 @@ from executive.motion.constraint_functions import Surroundings
 from executive.robots.arms import ArmModel
 from planlang.designators import Action, Device, Location, Object, snake_case
 from planlang.failures import ActionUnresolvable, ObjectUnresolvable
-from planlang.geometry import Array, Pose
+from planlang.geometry import IDENTITY, Array, Pose
 from planlang.geometry.matrices import moved, product
 from planlang.motion_constraints import (
     STANDING_FOR,
@@ -153,10 +153,10 @@ class Grounding:
         if not arms:
             raise ActionUnresolvable(f"the robot has no {device}", designator=str(device))
         if feature.is_grounded:
-            return feature, arms[0].name, Pose((0.0, 0.0, 0.0))
+            return feature, arms[0].name, IDENTITY
         x, y, z = map(float, arms[0].frame.approach)
         line = replace(feature, kind=FeatureKind.LINE, position=(0.0, 0.0, 0.0), direction=(x, y, z))
-        return line, arms[0].name, Pose((0.0, 0.0, 0.0))
+        return line, arms[0].name, IDENTITY
 
     def _world(self, feature: Feature) -> tuple[Feature, Pose]:
         name = self._platform.scene.bodies.bind(feature.of)

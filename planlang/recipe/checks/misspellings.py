@@ -18,7 +18,7 @@ from planlang.closure import grouped
 from planlang.designators import local_name, local_part
 from planlang.diagnostics import Diagnostic, Rename, Severity, Span, error, warning
 from planlang.ontology import Ontology, shorten
-from planlang.ontology.terms import KNOWROB, OWL, RDF, RDFS, VOCABULARIES, XSD, is_vocabulary
+from planlang.ontology.terms import KNOWROB, LANGUAGES, OWL, RDF, RDFS, VOCABULARIES, is_vocabulary
 from planlang.recipe.checks import check
 from planlang.recipe.fillers import action_properties
 from planlang.recipe.guesses import SURE, digits_of
@@ -36,7 +36,6 @@ from planlang.recipe.statements import (
 )
 from planlang.relations import owl_properties
 
-_W3C = (OWL, RDF, RDFS, XSD)
 _NAMING = (
     RDF.type, RDFS.subClassOf, OWL.equivalentClass, RDF.first,
     *(OWL + name for name in ("someValuesFrom", "hasValue", "allValuesFrom", "onClass")),
@@ -85,7 +84,7 @@ class _Names:
         """Namespaces in which the main document defines something, the one with the most names first."""
         defined = dict.fromkeys(self._store.subjects[row] for row in self._defining if row in self._main)
         spaces = Counter(map(_space, filter(None, map(self._store.name, defined))))
-        return tuple(space for space, _ in spaces.most_common() if space not in _W3C)
+        return tuple(space for space, _ in spaces.most_common() if space not in LANGUAGES)
 
     @cached_property
     def _defined(self) -> frozenset[int]:
@@ -109,7 +108,7 @@ class _Names:
     def is_known_property(self, number: int) -> bool:
         """True for a property about which any document states more than that it is a property."""
         name = self._store.name(number)
-        if name is None or name.startswith(_W3C) or is_vocabulary(shorten(name)) or _is_read(name):
+        if name is None or name.startswith(LANGUAGES) or is_vocabulary(shorten(name)) or _is_read(name):
             return True
         rows = list(self._store.about(number))
         return any(row not in self._main or self._store.name(self._store.predicates[row]) != RDF.type for row in rows)
@@ -132,7 +131,8 @@ class _Names:
         first_uses: dict[str, int] = {}
         for number in used - self._defined - outputs:
             name = store.name(number)
-            if name is not None and name != RDF.nil and not name.startswith(_W3C) and not self._ontology.defined(name):
+            is_other = name is not None and name != RDF.nil and not name.startswith(LANGUAGES)
+            if name is not None and is_other and not self._ontology.defined(name):
                 rows = (row for row in store.with_object(number) if store.predicates[row] in naming)
                 row = next(rows)
                 if row in self._main:
@@ -142,7 +142,7 @@ class _Names:
     def _links(self, number: int) -> bool:
         """True for an object property of the recipe vocabulary, whose objects are names."""
         name = self._store.name(number) or ""
-        return not name.startswith(_W3C) and (_is_read(name) or is_vocabulary(shorten(name)))
+        return not name.startswith(LANGUAGES) and (_is_read(name) or is_vocabulary(shorten(name)))
 
     def span(self, row: int) -> Span:
         return self._store.span(row)
@@ -153,7 +153,7 @@ class _Names:
         store = self._store
         outputs = (store.objects[row] for row in store.by(*self._ontology.properties_named(*OUTPUTS)))
         names = (store.name(number) or "" for number in dict.fromkeys((*sorted(self._defined), *outputs)))
-        things = (name for name in names if not name.startswith(_W3C) and not self._ontology.is_property(name))
+        things = (name for name in names if not name.startswith(LANGUAGES) and not self._ontology.is_property(name))
         return grouped((local_name(name), name) for name in things if name)
 
     @cached_property
