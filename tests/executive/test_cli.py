@@ -13,22 +13,17 @@ from pathlib import Path
 
 import click
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
-from executive.cli import app as cli
 from executive.cli import console
 from executive.cli.console import Answer
 from planlang.diagnostics import BadInput, Span, error, warning
+from tests.support.cli_runs import invoke
 
 PLAN = '''"""Compiled by planlang 0.1.0 from gone.omn (sha256 0123456789abcdef), task Gone."""
 
 from planlang import plan
 '''
-
-
-def invoke(*arguments: str | Path) -> Result:
-    """Run the command in this process."""
-    return CliRunner().invoke(cli.app, [str(argument) for argument in arguments], prog_name="planlang")
 
 
 def codes(result: Result) -> list[str]:

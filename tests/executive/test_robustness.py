@@ -13,18 +13,14 @@ from threading import Timer
 from typing import Any
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 
 from executive.cli.app import app
 from planlang.files import Bundled, bundled
+from tests.support.cli_runs import invoke
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 ROOM = Bundled.ENVIRONMENT.find("hospital_room")
-
-
-def invoke(*arguments: str | Path) -> Result:
-    """Run the command in this process."""
-    return CliRunner().invoke(app, [str(argument) for argument in arguments], prog_name="planlang")
 
 
 def planlang(arguments: str, folder: Path, *, first: Path | None = None) -> subprocess.CompletedProcess[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from click.testing import CliRunner, Result
@@ -12,14 +11,14 @@ from click.testing import CliRunner, Result
 from executive.cli.app import app
 
 
-def invoke(*arguments: str | Path) -> Result:
+def invoke(*arguments: object) -> Result:
     """Run the command."""
     return CliRunner().invoke(app, [str(argument) for argument in arguments], prog_name="planlang")
 
 
 def answer(*arguments: object) -> dict[str, Any]:
     """Return what the command answers, as JSON."""
-    result = invoke(*map(str, arguments), "--json")
+    result = invoke(*arguments, "--json")
     assert "Traceback" not in result.output, result.output
     found: dict[str, Any] = json.loads(result.stdout)
     return found

@@ -13,12 +13,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
-from executive.cli.app import app
 from planlang.files import Bundled
 from planlang.knowledge.client import Client
 from planlang.knowledge.connection import kept_answers
+from tests.support.cli_runs import invoke
 from tests.support.servers import RunningServer, running_server
 
 RECIPE = Bundled.RECIPE.find("serve_a_drink")
@@ -41,10 +41,6 @@ Path("was_here").touch()
 async def hello():
     pass
 """
-
-
-def invoke(*arguments: str | Path) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments], prog_name="planlang")
 
 
 def codes(result: Result) -> list[str]:

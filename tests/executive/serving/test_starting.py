@@ -6,18 +6,12 @@ import socket
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
 
-from executive.cli.app import app
 from planlang.knowledge.sqlite_store import SqliteStore
+from tests.support.cli_runs import invoke
 
 for package in ("fastapi", "uvicorn", "jinja2", "python_multipart"):
     pytest.importorskip(package, reason="the server is in the extra serve")
-
-
-def invoke(*arguments: object) -> Result:
-    """Run the command in this process."""
-    return CliRunner().invoke(app, [str(argument) for argument in arguments], prog_name="planlang")
 
 
 @pytest.mark.long

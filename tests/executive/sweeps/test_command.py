@@ -8,20 +8,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
 
 import planlang
-from executive.cli import app as cli
 from executive.cli.sweep import Counts
 from executive.sweeps.files import read_sweep
 from executive.sweeps.records import Done
 from executive.sweeps.world_run import ended
+from tests.support.cli_runs import invoke
 from tests.support.refusals import refusal
-
-
-def invoke(*arguments: str | Path) -> Result:
-    """Run the command in this process."""
-    return CliRunner().invoke(cli.app, [str(argument) for argument in arguments], prog_name="planlang")
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner, Result
 
-from executive.cli.app import app
 from planlang.knowledge.backup import back_up
 from planlang.knowledge.entries import Content, File, Kind, Syntax, Unreachable
 from planlang.knowledge.sqlite_store import SqliteStore
+from tests.support.cli_runs import invoke
 from tests.support.refusals import refusal
 
 NOW = "2026-01-01T00:00:00Z"
@@ -78,10 +77,6 @@ SERVED = {
     *(name for name in DAMAGE if name.startswith(("a text", "a number", "an unknown"))),
 }
 """What making a key does not come across."""
-
-
-def invoke(*words: object) -> Result:
-    return CliRunner().invoke(app, [str(word) for word in words], prog_name="planlang")
 
 
 @pytest.mark.parametrize("damage", DAMAGE)

@@ -14,16 +14,7 @@ from planlang.failures import GraspMissed, ObjectNotFound
 from planlang.kernel.primitives import record
 from planlang.runs import Different, Past, RecordedRun, restore
 from planlang.testing import PlanRun, Script, replay, run_plan
-
-
-def cut(run: PlanRun[Any], records: int) -> RecordedRun:
-    """Return what is left of a run that was killed after so many records."""
-    return RecordedRun.of(run.trace.events[:records])
-
-
-def completed(run: PlanRun[Any]) -> list[int]:
-    """After how many records each step had completed."""
-    return [number for number, event in enumerate(run.trace.events, 1) if event["event"] == "completed"]
+from tests.support.cut_runs import completed, cut
 
 
 def resumed_everywhere(top: Any, whole: PlanRun[Any]) -> Iterator[PlanRun[Any]]:
