@@ -27,7 +27,7 @@ from planlang.records import dataclass
 from planlang.recoveries import ASIDE
 from planlang.relations.reaching import InReachOf
 from planlang.runs import RunTree, TaskNode
-from planlang.runs.codec import load_failure
+from planlang.runs.codec import links, load_failure
 
 _NAME = re.compile(r"[\w.\-]+")
 _ATTEMPT = re.compile(r"(?<=/with_failure_handling)(?P<name>/[^/#]+)#\d+")
@@ -81,7 +81,7 @@ class Evidence:
         for record in records:
             tree.add(record)
         ended = tree.roots[0].failure if tree.roots else None
-        chain = list(_links(ended))
+        chain = list(links(ended))
         told = [(str(one["type"]), str(one["message"])) for one in chain]
         failures = list(_failures(records))
         last = [one for kind, text in reversed(told) for one in failures if _is(one, kind, text)]
@@ -208,13 +208,6 @@ def _named(texts: Iterable[str], names: Collection[str]) -> Iterator[str]:
             for name in (word, word.rstrip(".")):
                 if name in known:
                     yield name
-
-
-def _links(failure: Mapping[str, Any] | None) -> Iterator[Mapping[str, Any]]:
-    link: object = failure
-    while isinstance(link, Mapping):
-        yield link
-        link = link.get("cause")
 
 
 def _is_of_hands(failure: BaseException) -> bool:

@@ -12,7 +12,7 @@ from planlang.closure import grouped
 from planlang.failures import LocationUnresolvable, MissingCapability, PlanFailure
 from planlang.report.tree import event_text, in_words, is_origin, shown
 from planlang.report.wording import Wording, duration
-from planlang.runs.codec import load_failure
+from planlang.runs.codec import links, load_failure
 from planlang.runs.run_tree import Happened, RunTree, TaskNode
 
 _IN_VAIN = "no simple change "
@@ -89,14 +89,10 @@ def _reason_first(headline: str) -> str:
 
 def _chain(failure: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     """Yield a failure and its causes, without those that repeat type and message."""
-    link: object = failure
-    seen: set[tuple[str, str]] = set()
-    while isinstance(link, Mapping):
-        key = str(link["type"]), str(link["message"])
-        if key not in seen:
-            yield link
-        seen.add(key)
-        link = link.get("cause")
+    first = dict[tuple[str, str], Mapping[str, Any]]()
+    for link in links(failure):
+        first.setdefault((str(link["type"]), str(link["message"])), link)
+    yield from first.values()
 
 
 def _named(others: object) -> list[tuple[str, str]]:

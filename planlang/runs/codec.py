@@ -141,6 +141,13 @@ def load_failure(json: Any) -> BaseException:
     return failure
 
 
+def links(failure: object) -> Iterator[Mapping[str, Any]]:
+    """Yield a recorded failure and its causes, nearest first; nothing for None."""
+    while isinstance(failure, Mapping):
+        yield failure
+        failure = failure.get("cause")
+
+
 def failure_class(name: str) -> type[PlanFailure]:
     """Find a failure class by its full name; ValueError if the program has not defined it."""
     kinds: tuple[type[PlanFailure], ...] = (PlanFailure, *_subclasses(PlanFailure))

@@ -10,6 +10,7 @@ from planlang.language.tasktree import tree_of
 from planlang.misuse import did_you_mean
 from planlang.runs import RunTree, with_paths
 from planlang.runs import TaskNode as Step
+from planlang.runs.codec import links
 
 Event = Mapping[str, Any]
 What = str | Step
@@ -208,12 +209,7 @@ def _is(failure: Event, kind: type[PlanFailure]) -> bool:
 
 
 def _caused(failure: Event, kind: type[PlanFailure]) -> bool:
-    cause = failure.get("cause")
-    while cause is not None:
-        if _is(cause, kind):
-            return True
-        cause = cause.get("cause")
-    return False
+    return any(_is(one, kind) for one in links(failure.get("cause")))
 
 
 class NoSuchStep(AssertionError):

@@ -18,6 +18,7 @@ from executive.runs.identity import Identities
 from planlang.faults.kinds import Kind, Sense, kind_of
 from planlang.geometry import Pose
 from planlang.protocols import Detection, Group, GroupKind, MotionState, RobotInterface, Trajectory
+from planlang.runs.codec import links
 from sim import PyBulletWorld
 from sim.truth import Truth
 
@@ -269,6 +270,4 @@ def _tells(record: Mapping[str, Any], one: Happened) -> bool:
 
 def chain_of(failure: Mapping[str, Any] | None) -> Iterator[str]:
     """Yield the class of a recorded failure, and those of its causes."""
-    while failure:
-        yield str(failure["type"]).rpartition(".")[2]
-        failure = failure.get("cause")
+    return (str(one["type"]).rpartition(".")[2] for one in links(failure))

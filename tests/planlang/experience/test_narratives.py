@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -32,7 +31,7 @@ from planlang.ontology import Literal, Triple, load
 from planlang.ontology.terms import RDF, expand
 from planlang.ontology.turtle import read_turtle
 from planlang.runs import DamagedTrace, RecordedRun
-from planlang.runs.codec import dump
+from planlang.runs.codec import dump, links
 from planlang.testing import PlanRun, Script, run_plan
 from tests.support.refusals import refusal
 
@@ -70,15 +69,9 @@ def test_a_random_run_comes_back_from_its_narrative_whole_and_cut_off(source: by
             assert (one.kind, one.state.value, one.parameters) == (node.kind, node.status, node.parameters)
             assert (one.begin, one.end, one.result) == (node.start, node.end, node.result)  # a step is a second here
             assert (one.failure is None) == (node.failure is None)
-            if one.failure is not None and node.failure is not None:
-                assert [link.message for link in one.failure.chain()] == list(messages(node.failure))
+            told = [] if one.failure is None else [link.message for link in one.failure.chain()]
+            assert told == [link["message"] for link in links(node.failure)]
         assert nodes == {}
-
-
-def messages(failure: Mapping[str, Any] | None) -> Any:
-    while failure is not None:
-        yield failure["message"]
-        failure = failure.get("cause")
 
 
 async def fetch() -> None:
