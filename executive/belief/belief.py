@@ -270,11 +270,11 @@ class Belief(KnownThings):
         self.memory = self.memory.witnesses(leaf)
         self._changed("leads", name=leaf, link=link)
 
-    def let_go(self, leaf: str) -> None:
-        """Record that a hand has released a leaf, which stays where it is."""
+    def let_go(self, leaf: str, how: str = "let go") -> None:
+        """Record that a hand leads a leaf no more, which stays where it is; ``how``: as it wants, or not."""
         if leaf in self.led:
             self._become(led=without(self.led, leaf))
-            self._changed("let go", name=leaf)
+            self._changed(how, name=leaf)
 
     def observed(self, configuration: Configuration, mirror: WorldMirror) -> None:
         """Take over the configuration that the robot's encoders tell; leaves in a hand are where the hand is.

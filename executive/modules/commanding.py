@@ -100,9 +100,13 @@ class Control:
         Called at the end of a motion, after a hand has closed on a handle, before it is said where a lost body fell,
         and before a decision.
         """
-        for leaf in [leaf for leaf, link in self.belief.led.items() if not self.world.feels(link)]:
-            self.belief.let_go(leaf)
+        for leaf, _ in self._slipped():
+            self.belief.let_go(leaf, "slipped off")
         self.belief.observed(self.world.configuration(), self.scene.mirror)
+
+    def _slipped(self) -> list[tuple[str, str]]:
+        """List the leaves whose handles the hands that lead them no longer feel, each with the link of its hand."""
+        return [(leaf, link) for leaf, link in self.belief.led.items() if not self.world.feels(link)]
 
     def supposing(self, scene: PlanningScene) -> Self:
         """Make the same robot in a scene that is supposed, and where that has it, to plan there."""
@@ -120,17 +124,24 @@ class Control:
     ) -> Motion:
         """Execute a motion and wait for its end; halt it if the caller is evaporated or suspended.
 
+        An arm stops once the handle that it leads has slipped out of its hand; the state is then "moving".
         ``pushes``: link of the hand that pushes bodies instead of being stopped by them. ``closes`` is asked every
         :data:`GLANCE` whether the motion has to stop; its state is then "moving". Raises ObjectLost as soon as a
         hand of :meth:`watched` no longer feels its object, and the failure of the group if the robot reports one.
         """
         group = Group.of(group)
+        tips = {arm.tip for arm in self.scene.arms.all if arm.name in group.arms}
+
+        def is_over() -> bool:
+            is_loose = tips and any(link in tips for _, link in self._slipped())
+            return is_loose or self.world.motion(group).state is not MotionState.MOVING
+
         with self.flowing.during(group.arms, trajectory):
             self.world.start(group, trajectory, pushes=pushes)
             try:
                 while not await self.wait_holding(
                     self.watched(group),
-                    lambda: self.world.motion(group).state is not MotionState.MOVING,
+                    is_over,
                     f"{group} at rest",
                     None if closes is None else GLANCE,
                 ):

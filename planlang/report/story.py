@@ -47,6 +47,8 @@ _LEARNT = {
     "dropped": "{} falls out of the hand",
     "not there": "{} is not where it was believed to be",
     "leads": "the robot takes {} by its handle",
+    "slipped off": "the handle of {} slips out of the hand",
+    "stuck": "{} does not follow the hand",
 }
 """What the robot learns of a thing, as sentences."""
 _FAILS = " fails: "

@@ -254,6 +254,8 @@ _CHANGES = {
     "leads": "held by its handle",
     "led": "moved by its handle",
     "let go": "released",
+    "slipped off": "no longer held: its handle has slipped out of the hand",
+    "stuck": "does not follow the hand",
     "not there": "not where it was believed to be",
     "not seen": "not seen from here",
     "noticed": "noticed, which is not in the map",

@@ -363,6 +363,7 @@ class LeafWork(HandWork):
         if joint.leaf not in platform.belief.led:  # the fingers no longer feel the handle
             raise GraspSlipped(arm=arm.name, what=path.handle)
         if motion.state is not MotionState.DONE:
+            platform.belief.let_go(joint.leaf, "stuck")  # the hand feels it now, and lets go of it next
             met = await platform.sensing.bump(motion)
             how = "is stuck" if met is None else f"is stopped by {met}"
             raise ContainerStuck(f"{joint.leaf} {how}", what=joint.leaf)

@@ -53,7 +53,9 @@ BY_KIND: Mapping[str, Carried] = {
     "camera:ghost": Carried.NEVER,
 }
 """Kind -> what carries it, other than by its sense."""
-TELLING = frozenset({"lost", "given up", "grip refused", "felt", "not where expected", "not there", "not_seen"})
+TELLING = frozenset(
+    {"lost", "given up", "grip refused", "felt", "not where expected", "not there", "not_seen", "stuck", "slipped off"}
+)
 """Changes of belief that tell of something that is not as it was believed."""
 TELLING_OF_IT = frozenset({"seen", "noticed", "recognised", "found", "moved", "switched"})
 """Changes of belief that do so of the thing that they name only."""

@@ -106,6 +106,13 @@ def test_a_leaf_that_does_not_move_is_stuck_although_the_hand_slips_off_its_hand
     assert isinstance(caught.value.__cause__, cause)
 
 
+def test_a_hand_stops_as_soon_as_it_no_longer_feels_the_handle(stack: ExitStack) -> None:
+    stage = slipping(stack, DRAWER, moves=True, after=0.05)
+    with pytest.raises(GraspSlipped):
+        stage.do(OPEN, "leaf")
+    assert stage.truth.joint("leaf") == pytest.approx(0.05, abs=0.01)
+
+
 @pytest.mark.parametrize("seed", [DOOR, DRAWER])
 def test_a_handle_that_slips_once_is_taken_again(stack: ExitStack, seed: int) -> None:
     stage = slipping(stack, seed, moves=True, after=0.1, times=1)
