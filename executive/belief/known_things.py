@@ -19,7 +19,7 @@ from executive.belief.purposes import Purposes
 from executive.maps.classes import MapObject, is_kind
 from executive.maps.contents import is_content
 from executive.maps.semantic_map import SemanticMap, namesakes, namespace_of
-from planlang.designators import Object, unused_name
+from planlang.designators import Object, local_name, unused_name
 from planlang.failures import AmbiguousPerception, ObjectUnresolvable
 from planlang.geometry import Pose
 from planlang.language.performances import Performance, performance_of
@@ -322,7 +322,8 @@ class KnownThings:
             known = ", ".join(name for name in self._poses if name not in NAMES)
             problem = "is not there any more" if individual in self.memory.gone else "is not in the map"
             problem = "has not been found yet" if individual in self.memory.unknown else problem
-            raise ObjectUnresolvable(f"{what} ({what.type}) {problem}; there are {known}", designator=str(what))
+            told = f"{what} ({local_name(what.type)}) {problem}; there are {known}"
+            raise ObjectUnresolvable(told, designator=str(what))
         return min(containers, key=lambda name: math.dist(self._poses[name].position[:2], near[:2]))
 
     def _missing(self, what: Object) -> str | None:

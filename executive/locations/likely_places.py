@@ -214,7 +214,8 @@ class Searches:
         for name, problem in search.failed.items():
             report += f"; not {self._called(name)} ({problem})"
         if unseen := [name for name in self._candidates(search, opens=False) if name not in search.failed]:
-            report += f"; not {', '.join(map(self._called, unseen))}, which no base pose shows that the robot gets to"
+            names = ", ".join(map(self._called, unseen))
+            report += f"; not {names}: seen from no base pose that the robot gets to"
         return report + "".join(f"; {name} was opened and could not be closed again" for name in search.left_open)
 
     def _called(self, name: str) -> str:

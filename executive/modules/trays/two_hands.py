@@ -141,7 +141,7 @@ class TwoHands(HandWork):
             between=self.tuck,
             believed=lambda: self.platform.belief.pose(name),  # it may look different from each base pose
             failures=(ManipulationPoseUnreachable, ManipulationGoalInCollision, GraspMissed, NavigationFailure),
-            otherwise=partial(self._nowhere, name, pairs, "take"),
+            otherwise=partial(self._nowhere, name, pairs, "taking"),
         ).run()
         await self._go(paths, grasp.lift, name)
         await self._draw_in(paths, name)
@@ -330,7 +330,7 @@ class TwoHands(HandWork):
             lowered,
             approach,
             failures=(ManipulationPoseUnreachable, ManipulationGoalInCollision, NavigationFailure),
-            otherwise=partial(self._nowhere, name, [paths], "put down"),
+            otherwise=partial(self._nowhere, name, [paths], "putting down"),
         ).run()
 
     async def _hold_out(self, paths: PairPaths, name: str, person: str) -> None:
@@ -350,7 +350,7 @@ class TwoHands(HandWork):
             if found := list(islice(bases(), MOST_STANDS)):
                 await Skill(partial(iter, found), nothing, self.drive, failures=(NavigationFailure,)).run()
                 return
-        raise await self._nowhere(name, [paths], "hold out", None, 0)
+        raise await self._nowhere(name, [paths], "holding out", None, 0)
 
     def _before(self, paths: PairPaths, name: str, tried: Sequence[BasePose], pose: Pose) -> Iterator[BasePose]:
         """Yield free base poses before a put-down pose, those first from which the object is only extended outwards."""
