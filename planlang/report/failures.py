@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from planlang.closure import grouped
-from planlang.failures import LocationUnresolvable, MissingCapability, PlanFailure
+from planlang.failures import LocationUnresolvable, MissingCapability, ObjectNowhereToBeFound, PlanFailure
 from planlang.report.tree import event_text, in_words, is_origin, shown
 from planlang.report.wording import Wording, duration
 from planlang.runs.codec import links, load_failure
@@ -55,7 +55,8 @@ class Failures:
         # that started the search, or that was made of the error, says more
         told = [link for link in chain if "where" in link] or chain
         plain = [link for link in told if link["type"] != LocationUnresolvable.__name__] or told
-        headline = advice[0] if advice else plain[-1]["message"] or plain[-1]["type"]
+        sums = [link for link in plain if link["type"] == ObjectNowhereToBeFound.__name__]  # what began it says less
+        headline = advice[0] if advice and not sums else (sums or plain[-1:])[0]["message"] or plain[-1]["type"]
         return {"headline": in_words(_reason_first(node.named(str(headline)))), "chain": chain}
 
     def _link(self, failure: Mapping[str, Any]) -> dict[str, Any]:
@@ -152,7 +153,7 @@ def _merged(tree: RunTree, failures: Failures, cards: list[dict[str, Any]]) -> d
     for one in cards:
         if one is not first:
             node = tree.numbered[one["node"]]
-            tried[node.last, node.number] = [one["time"], node.number, shown(node.reason)]
+            tried[node.last, node.number] = [one["time"], node.number, shown(failures.lowered(node))]
     return first | {"tried": tried}
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from planlang.failures import HandleNotReachable, LocationUnresolvable
+from planlang.failures import HandleNotReachable, LocationUnresolvable, ObjectNotFound, ObjectNowhereToBeFound
 from planlang.report import Told, model_of
 from planlang.runs.codec import dump_failure
 from planlang.testing import run_plan
@@ -122,3 +122,13 @@ def test_a_failure_begins_with_its_reason_and_names_what_a_description_by_class_
     (entry,) = model_of(told)["failures"]
     assert entry["headline"] == "cup1 is too far away; no simple change helps"
     assert entry["chain"][0]["message"] == "no simple change helps; cup1 is too far away"
+
+
+def test_a_thing_that_was_not_found_is_told_by_where_it_was_looked_for() -> None:
+    async def find() -> None:
+        raise ObjectNowhereToBeFound("keys1 was not found; looked at: table1", what="keys1") from ObjectNotFound(
+            what="keys1"
+        )
+
+    (failure,) = model_of(Told.of(run_plan(find).events))["failures"]
+    assert failure["headline"] == "keys1 was not found; looked at: table1"
