@@ -17,7 +17,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -28,6 +27,7 @@ from executive.commands.sweep import swept
 from executive.options.running import SweepOptions
 from executive.sweeps.files import merged, read_sweep, write_sweep
 from executive.sweeps.records import Done
+from tests.benchmarks.cluster import children
 
 RECIPE = "serve_a_drink"
 MOST_RATIO = 1.1
@@ -77,15 +77,6 @@ def single(seeds: Sequence[int]) -> float:
         subprocess.run(command, capture_output=True, check=False)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime) / len(seeds)
-
-
-def children(pid: int) -> list[int]:
-    """Return the processes that a process has started and that still run."""
-    found = []
-    for task in Path(f"/proc/{pid}/task").glob("*/children"):
-        with suppress(OSError):
-            found += list(map(int, task.read_text().split()))
-    return found
 
 
 def workers(pid: int) -> Iterator[int]:
