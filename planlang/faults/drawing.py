@@ -54,9 +54,6 @@ class Fired:
     """Plan time [s]."""
     fault: Drawn
 
-    def __str__(self) -> str:
-        return f"{self.time:.2f} s {self.fault}"
-
 
 class Draw:
     """Decides what goes wrong in one run."""

@@ -21,14 +21,11 @@ _KEYS = ("faults", "rate", "expect")
 class StatedFaults:
     """Faults of a run, and how it is expected to end."""
 
-    named: tuple[NamedFault, ...] = ()
-    rate: float = 0.0
+    named: tuple[NamedFault, ...]
+    rate: float
     """Share of the opportunities at which something goes wrong by chance."""
-    expect: str | None = None
+    expect: str | None
     """``done``, or the class of a failure in the chain of the one that ends the run; None: nothing is expected."""
-
-    def __bool__(self) -> bool:
-        return bool(self.named) or self.rate > 0
 
     @staticmethod
     def of_file(path: Path) -> StatedFaults:
