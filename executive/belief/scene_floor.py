@@ -124,8 +124,11 @@ class SceneFloor(ScenePart):
 
     def have_way(self, bases: Array) -> Mask:
         """Check to which of many poses (n, 3) the base can drive, (n,), as :meth:`has_way` says."""
-        good = self.reached()(bases)  # once for all, where a path with one turn is searched for each
-        good[~good] = self._go_straight(bases[~good, :2])
+        reached = self.reached()
+        good = reached(bases)  # once for all, where a path with one turn is searched for each
+        near = ~good  # only there such a path may lead to where the flood does not
+        near[near] = reached.around(bases[near, :2], NEAR_ITS_END)
+        good[near] = self._go_straight(bases[near, :2])
         return good
 
     def reached(self) -> Drivable:

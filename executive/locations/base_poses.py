@@ -54,8 +54,12 @@ class BasePoses:
         return np.array(once(self.question.known.rooms, bases, lambda new: floor.holds(new).tolist()), bool)
 
     def have_way(self, bases: Array) -> NDArray[np.bool_]:
-        """Check which of bases (n, 3) the base may reach, (n,); all, as long as none was rejected for that."""
-        return self.driven_to(bases) if self.question.known.walled else np.ones(len(bases), bool)
+        """Check which of bases (n, 3) the base can drive to, (n,); all, as long as none was rejected for that."""
+        if not self.question.known.walled:
+            return np.ones(len(bases), bool)
+        good = self.scene.collisions.have_way(bases)
+        self.log.add(NO_WAY, int((~good).sum()))
+        return good
 
     def driven_to(self, bases: Array) -> NDArray[np.bool_]:
         good = self.scene.collisions.drivable()(bases)

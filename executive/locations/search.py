@@ -16,6 +16,7 @@ from itertools import chain
 import numpy as np
 
 from executive.belief.scene_collisions import BasePose
+from executive.belief.scene_floor import NEAR_ITS_END
 from executive.locations.base_candidates import BaseCandidates, Conjunct, Inversion, Misses, moved_to_room
 from executive.locations.base_poses import BasePoses
 from executive.locations.candidate_search import CandidateSearch, SearchSpec, as_reported
@@ -126,7 +127,7 @@ class ReachSearch:
         within = float(max(aside)) + reach
         bands = [(reach.body, validator.band(reach, self.spec.arms)) for reach in self.spec.wanted[1:]]
         log.hopeless = self._is_hopeless(middle[:2], within, bands)
-        if self.known.walled and not scene.collisions.drivable().comes_near(middle[:2], within):
+        if self.known.walled and not scene.collisions.reached().comes_near(middle[:2], within + NEAR_ITS_END):
             log.add(NO_WAY, sum(len(hand.candidates) for hand in hands))
             return
         candidates = self._inverted(hands, middle[:2], within, bands)
@@ -161,8 +162,7 @@ class ReachSearch:
             conjuncts: list[Conjunct] = [(f"not in reach of {body}", partial(_within, *band)) for body, band in bands]
             conjuncts += [(unmet(term), term.score) for term in self.spec.demand.areas]
             if self.known.walled:
-                drivable = scene.collisions.drivable()
-                conjuncts.append((NO_WAY, lambda bases: drivable(bases).astype(float)))
+                conjuncts.append((NO_WAY, lambda bases: scene.collisions.have_way(bases).astype(float)))
             known[key] = Inversion(room, conjuncts, show=log.show if log.keeps else None)
             known[key].invert(
                 hands, self.spec.validator.inverse, scene.collisions.lifted, least=budget.least, rows=budget.rows

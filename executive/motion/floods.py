@@ -49,6 +49,18 @@ class Drivable:
         heading = np.floor(bases[:, 2] / TURN).astype(int) % HEADINGS
         return np.asarray(np.where(inside, _turned(self.poses)[row, column] >> heading & 1, self.beyond).astype(bool))
 
+    def around(self, places: Array, within: float) -> Mask:
+        """Check around which places (n, 2) the base may come at least ``within`` [m] near along both axes, (n,)."""
+        grid, steps = self.grid, math.ceil(within / self.grid.resolution) + 1
+        total = np.zeros((grid.rows + 1, grid.columns + 1), int)
+        total[1:, 1:] = (self.poses > 0).cumsum(axis=0).cumsum(axis=1)
+        row = np.rint((places[:, 1] - grid.y) / grid.resolution).astype(int)
+        column = np.rint((places[:, 0] - grid.x) / grid.resolution).astype(int)
+        low, high = (np.clip(row + step, 0, grid.rows) for step in (-steps, steps + 1))
+        left, right = (np.clip(column + step, 0, grid.columns) for step in (-steps, steps + 1))
+        found = total[high, right] - total[low, right] - total[high, left] + total[low, left]
+        return np.asarray((found > 0) | self.beyond)
+
     def comes_near(self, place: Array, within: float) -> bool:
         """Check whether the base may come ``within`` [m] of a place (2,)."""
         return self.beyond or self.near(place, within) > 0
