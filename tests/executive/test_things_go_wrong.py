@@ -78,6 +78,14 @@ def test_a_cup_that_rolls_away_from_where_it_was_put_is_put_there_again() -> Non
 
 
 @pytest.mark.long
+def test_a_tray_that_slips_is_taken_up_again_and_put_down_once_more_where_its_arms_reach_no_place() -> None:
+    words = ("carry_the_tray", "--set", "tray=tray2", "--fault", "thing:slips=3")
+    run = run_plan_file(RunOptions.of(parsed(words)))
+    assert (happened(run), run.message) == (["thing:slips"], "done")
+    assert any(line.startswith("tray2: at rest on tea_table1") for line in run.final_state)
+
+
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("fault", "change"),
     [("door:stuck", "stuck"), ("door:stops", "stuck"), ("handle:comes_loose", "slipped off")],

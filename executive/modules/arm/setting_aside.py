@@ -21,6 +21,7 @@ from planlang.failures import (
     LocationUnresolvable,
     ManipulationFailure,
     NavigationFailure,
+    ObjectUndeliverable,
     PlanFailure,
 )
 from planlang.kernel import checkpoint
@@ -83,7 +84,10 @@ class SettingAside(HandWork):
         return support.name
 
     async def _with_two_hands(self, name: str, what: Object) -> str:
-        """Let the module for two hands put the object down, which also drives there and leaves it."""
+        """Let the module for two hands put the object down, which also drives there and leaves it.
+
+        It has few grips, of one kind: another grip is one of another base pose, which that module finds.
+        """
 
         async def put(support: Object) -> Object:
             await perform(action("PuttingDownAnObject", object_acted_on=what, to_location=support))
@@ -93,7 +97,7 @@ class SettingAside(HandWork):
             found = f"no furniture nearby has room for {name}, which two hands hold"
             return LocationUnresolvable(f"{found}: put it down at a place that you choose, before they are needed")
 
-        failures = (ManipulationFailure, NavigationFailure, DesignatorFailure)
+        failures = (ManipulationFailure, NavigationFailure, ObjectUndeliverable, DesignatorFailure)
         return (await Skill(self._supports, put, failures=failures, most=SUPPORTS, otherwise=no_place).run()).name
 
     def _supports(self) -> Iterator[Object]:

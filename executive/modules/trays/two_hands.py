@@ -20,6 +20,7 @@ from executive.locations import ReachKind
 from executive.locations.demands import use_at
 from executive.locations.rejections import Rejections
 from executive.modules.arm.hand_work import HandWork
+from executive.modules.platform import Platform
 from executive.modules.runner import Skill, each, nothing
 from executive.modules.trays.pair_paths import LIFT, PairGrasp, PairPaths, PairPlace
 from executive.modules.verifying import begin_to_watch, check_is_where_put
@@ -38,6 +39,7 @@ from planlang.failures import (
     ManipulationPoseUnreachable,
     NavigationFailure,
     ObjectNotFound,
+    ObjectUndeliverable,
     PerceptionFailure,
     PlanFailure,
     TooHeavy,
@@ -90,11 +92,20 @@ class TwoHands(HandWork):
         NavigationFailure,
         PerceptionFailure,
         LookingFailure,
+        ObjectUndeliverable,
         DesignatorFailure,
     )
 
+    def __init__(self, platform: Platform) -> None:
+        super().__init__(platform)
+        self._held_awkwardly = set[str]()
+        """Objects that the arms, as they once held them, could put down nowhere: they are not just taken from here."""
+
     async def execute(self, action: Action) -> str:
-        """Perform what the action's class states on ``object_acted_on``; return the object's name."""
+        """Perform what the action's class states on ``object_acted_on``; return the object's name.
+
+        Raises ObjectUndeliverable if the hands, as they hold it, reach no place to put it down.
+        """
         what = self.object_of(action, "handle")
         name, classes = self.platform.scene.bodies.bind(what), self.platform.ancestors(action.type)
         if not {"GraspingSomething", "PickingUpAnObject", "TakingSomething"}.isdisjoint(classes):
@@ -117,7 +128,7 @@ class TwoHands(HandWork):
 
         async def bases() -> AsyncIterator[BasePose]:
             block, tried = self.platform.scene.bodies.block(name), list[BasePose]()
-            if self._is_near(block.centre):
+            if self._is_near(block.centre) and name not in self._held_awkwardly:
                 yield self.platform.base()
             point, square_on = block.centre[:2], block.yaw + np.arange(4) * math.pi / 2
             for paths in pairs:
@@ -204,6 +215,15 @@ class TwoHands(HandWork):
             log.include(paths.log)
         size = " m by ".join(f"{extent:g}" for extent in self.platform.scene.bodies.size(name)[:2])
         return log.failure(f"{doing} {name}, {size} m, with two hands", self.platform.scene.bodies)
+
+    async def _undeliverable(
+        self, name: str, pairs: Sequence[PairPaths], problem: PlanFailure | None, tried: int
+    ) -> PlanFailure:
+        """Make the failure of an object that the hands, as they hold it, can put down nowhere."""
+        self._held_awkwardly.add(name)
+        failure = ObjectUndeliverable(what=name)
+        failure.__cause__ = await self._nowhere(name, pairs, "putting down", problem, tried)
+        return failure
 
     async def _grasp(self, name: str, way: tuple[PairPaths, PairGrasp]) -> tuple[PairPaths, PairGrasp]:
         """Approach and close both hands; return the way. Raises GraspMissed if a hand does not feel the object."""
@@ -330,7 +350,7 @@ class TwoHands(HandWork):
             lowered,
             approach,
             failures=(ManipulationPoseUnreachable, ManipulationGoalInCollision, NavigationFailure),
-            otherwise=partial(self._nowhere, name, [paths], "putting down"),
+            otherwise=partial(self._undeliverable, name, [paths]),
         ).run()
 
     async def _hold_out(self, paths: PairPaths, name: str, person: str) -> None:
