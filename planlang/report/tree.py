@@ -17,7 +17,7 @@ PLUMBING = frozenset({"branch", "budget", "with_failure_handling", "using", "at_
 MOST_TEXT = 400
 """Maximum length of a text about a node; the middle of a longer one is left out."""
 _KEYS = re.compile(r"(?<![^ ])([a-z_]+)=(True\b)?")
-_UNSAID = re.compile(r"after_failure=(?:\([^()]*\)|\w+)(?:, )?")
+UNSAID = re.compile(r"after_failure=(?:\([^()]*\)|\w+)(?:, )?")
 """A property that names classes of failures: what follows a failure is told after it."""
 _RELATION = re.compile(r"(?:\bto (?:location )?)?\b([a-z_]+)\((\w+)\)(?: with \w+)?")
 _ON_THE_FLOOR = re.compile(r"\bpose \(([-\d.e]+), ([-\d.e]+), -?0; ([-\d.e]+)\)")
@@ -164,7 +164,7 @@ def properties_text(properties: str, short: Mapping[str, str] | None = None) -> 
     One that is simply true is told by its name alone, one that names classes of failures not at all. Relations to a
     thing are in words, too: ``to_location=in_front_of(cup1) with gripper`` becomes ``in front of cup1``.
     """
-    names, said = short or {}, _UNSAID.sub("", properties)
+    names, said = short or {}, UNSAID.sub("", properties)
     spelt = _KEYS.sub(lambda key: names.get(key[1], key[1].replace("_", " ") + ("" if key[2] else " ")), said)
     return in_words(spelt)
 

@@ -8,7 +8,7 @@ from dataclasses import field
 
 from planlang.designators import local_name
 from planlang.records import dataclass
-from planlang.report.tree import class_of, pose_text, properties_text, shown
+from planlang.report.tree import UNSAID, class_of, pose_text, properties_text, shown
 from planlang.runs.run_tree import TaskNode
 
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z0-9]+|[^\sA-Za-z0-9_-]+")
@@ -51,7 +51,8 @@ class Wording:
         pose = _POSE.fullmatch(action)
         about = f"to {pose_text([float(one) for one in pose.groups()])}" if pose else ""
         if cls not in self.labels and not pose and action.endswith(")"):
-            inside = _HOW.sub(r"\2, \1", _CONSTRAINTS.sub("", action.partition("(")[2].removesuffix(")")))
+            said = UNSAID.sub("", _CONSTRAINTS.sub("", action.partition("(")[2].removesuffix(")")))
+            inside = _HOW.sub(r"\2, \1", said)  # before several values lose their brackets
             about = properties_text(_SIDE.sub(_lowered, _SEVERAL.sub(r"=\1", inside)), _SHORT)
         return shown(self.step(node), LONGEST) + (f" ({shown(about, LONGEST)})" if about else "")
 
