@@ -18,13 +18,14 @@ from executive.robots import Arm
 from planlang.geometry import Array, Pose
 from sim import Body, Scene
 from sim.joints import Articulation, JointKind
+from tests.benchmarks.homes.arms import Arms, Drives
 from tests.benchmarks.homes.floor import Floor, outline
 from tests.benchmarks.homes.furnishing import Rectangle
-from tests.benchmarks.homes.grips import ENDS, PITCHES, TAKEN, Grips, Hands, around, slants
+from tests.benchmarks.homes.grips import BAR, ENDS, PITCHES, TAKEN, Grips, Hands, around, slants
 from tests.benchmarks.homes.nearest import Aim, Nearest
 from tests.benchmarks.homes.tasks import Need
-from tests.support.locations.dense_sampler import PRESSED, Joints, way_from, way_of_two
-from tests.support.locations.oracle import Oracle
+from tests.support.locations.dense_sampler import PRESSED, Joints, way_of_two
+from tests.support.locations.oracle import BasePose, Oracle
 from tests.support.locations.plates import fingers_ahead
 from tests.support.locations.sampler import UP
 from tests.support.locations.ways import Ways
@@ -57,8 +58,6 @@ CLEAR, EXACT = 0.001, 0.0008
 """Distance that they keep from everything, and what remains of it where one is good [m]."""
 NEAR_OVER = 0.02
 """Half the extents of the place where a hand is that pours, wipes or hands over [m]."""
-WELL_IN = 0.6
-"""Share of the extents of a thing within which its grip is."""
 PAST = 0.35
 """Distance at which something is handed over before somebody's middle [m]."""
 
@@ -69,6 +68,7 @@ class Search:
     def __init__(self, oracle: Oracle, chains: Mapping[str, Joints], floor: Floor, seconds: float) -> None:
         self.oracle, self.chains, self.floor, self.seconds = oracle, chains, floor, seconds
         self.grips = Grips({arm.name: fingers_ahead(oracle, arm.name) for arm in oracle.robot.arms})
+        self.arms = Arms(oracle, chains)
         self.known = [oracle.room.start]
         """Places that the base is known to get to: where it begins, and behind each doorway that it passed."""
 
@@ -87,7 +87,12 @@ class Search:
             return
         yield dict.fromkeys(leaves, 1.0)
         body = scene.body(need.thing)
-        needed = [leaf for leaf in leaves if leaf == need.at or carries(scene, leaf, body)]
+        holder = next((joint.holder for joint in scene.joints if joint.leaf == need.at), None)
+        needed = [
+            leaf
+            for leaf in leaves
+            if leaf == need.at or (holder and joint_of(scene, leaf).holder == holder) or carries(scene, leaf, body)
+        ]
         for share in OPENED if len(leaves) > len(doors) else ():
             yield doors | dict.fromkeys(needed, share)
 
@@ -116,8 +121,8 @@ class Search:
                 spots = list(self.spots(scene, body, need.at, 0.06, TURNED, -0.02, moved))
                 self.rng.shuffle(spots)  # type: ignore[arg-type]  # poses are not to be an array
                 moved[body.name] = body.pose
-                some = Aim(spots[:SPOTS], np.array(body.size) / 2 * WELL_IN, None, between(body))
-                if spots and self._yields(some, body, AT_FIRST, self.until):
+                chosen = spots[:SPOTS]
+                if spots and self._yields(self.grips.aims(body, chosen), body, chosen, AT_FIRST, self.until):
                     return True
                 for spot in itertools.takewhile(lambda _: time.process_time() < self.until, spots[:SPOTS]):
                     self.oracle.move(body.name, spot)
@@ -150,18 +155,17 @@ class Search:
         """Return True if some arm gets to a thing, before it, and lifts it; two of them if it takes two."""
         if body.hands > 1:
             return self._grasps_with_two(body, pose, share)
-        aim = Aim([pose], np.array(body.size) / 2 * WELL_IN, None, between(body))
         hands = [self.grips.at_thing(arm, body, pose) for arm in self.oracle.robot.arms]
-        return self._taken(aim, hands, body, pose, share)
+        return self._taken(self.grips.aims(body, [pose]), hands, body, pose, share)
 
-    def _taken(self, aim: Aim, hands: Sequence[Hands], body: Body, pose: Pose, share: float) -> bool:
+    def _taken(self, aims: Sequence[Aim], hands: Sequence[Hands], body: Body, pose: Pose, share: float) -> bool:
         """Return True if an arm takes a body that is at a pose in one of two ways, in a ``share`` of the time left."""
         left = share * max(self.until - time.process_time(), 0.0)
-        until = time.process_time() + left
+        until, poses = time.process_time() + left, [pose]
         return (
-            self._yields(aim, body, AT_FIRST, until)
+            self._yields(aims, body, poses, AT_FIRST, until)
             or self._reached(hands, body.name, share / 2)
-            or self._yields(aim, body, THEN, until)
+            or self._yields(aims, body, poses, THEN, until)
         )
 
     def _over(self, point: Array) -> bool:
@@ -175,7 +179,7 @@ class Search:
             ]
             hands.append(np.concatenate([around(arm, point, np.array(way))[::4] for way in ways]))
         there = Aim([Pose((float(point[0]), float(point[1]), float(point[2])))], np.full(3, NEAR_OVER))
-        return self._yields(there, None, AT_FIRST, self.until) or self._reached(hands, None)
+        return self._yields([there], None, (), AT_FIRST, self.until) or self._reached(hands, None)
 
     def _opens(self, leaf: str, scene: Scene, moved: dict[str, Pose]) -> bool:
         """Return True if some hand gets to a leaf's handle, shut, half open and open, from where a base can stand."""
@@ -191,7 +195,8 @@ class Search:
         body, pose = scene.body(handle), moved[handle]
         normal = outward(joint_of(scene, leaf), scene.body(leaf), moved[leaf], pose)
         hands = [self.grips.at_bar(arm, pose, body.size, slants(-normal)) for arm in self.oracle.robot.arms]
-        return self._taken(Aim([pose], np.array(body.size) / 2, normal, body.size), hands, body, pose, share)
+        aim = Aim([pose], np.array(body.size) / 2, normal, body.size, "box", BAR)
+        return self._taken([aim], hands, body, pose, share)
 
     def _lead(self, scene: Scene, leaf: str, share: float, moved: dict[str, Pose]) -> None:
         """Open a leaf, with what lies in it if it is a drawer."""
@@ -205,35 +210,46 @@ class Search:
 
     # Bases
 
-    def _ways(self) -> Ways:
-        return Ways(self.oracle, self.known, NODES)
+    def _drives(self) -> Drives:
+        return Drives(self._ways)
+
+    def _ways(self) -> Ways | None:
+        """Return what is known of where the base gets to in its posture; None if that begins in something."""
+        if not self.oracle.robot.base.fixed and not self._is_free(self.oracle.room.start):
+            return None
+        return Ways(self.oracle, [one for one in self.known if self._is_free(one)], NODES)
+
+    def _is_free(self, base: BasePose) -> bool:
+        self.oracle.place(base, self.oracle.posture)
+        return self.oracle.touched(itself=False) is None
 
     def _passes(self, doorway: Pose) -> bool:
         """Return True if the base gets through a doorway, ahead or sideways, and remember where it stands then."""
-        for through, turn in itertools.product((0.0, math.pi), QUARTERS):
-            frame = doorway @ Pose.planar(0.0, 0.0, through)
-            before, behind = (self._stands(frame, sign, turn) for sign in (-1.0, 1.0))
-            if before is None or behind is None or not self._ways().lead_to(before):
-                continue
-            if Ways(self.oracle, (before,), NODES).lead_to(behind):
-                self.known.append(behind)
-                return True
+        with self.arms.driving() as postures:
+            for through, turn in (way for _ in postures for way in itertools.product((0.0, math.pi), QUARTERS)):
+                frame = doorway @ Pose.planar(0.0, 0.0, through)
+                before, behind = (self._stands(frame, sign, turn) for sign in (-1.0, 1.0))
+                if before is None or behind is None:
+                    continue
+                ways = self._ways()
+                if ways is not None and ways.lead_to(before) and Ways(self.oracle, (before,), NODES).lead_to(behind):
+                    self.known.append(behind)
+                    return True
         return False
 
-    def _stands(self, frame: Pose, sign: float, turn: float) -> tuple[float, float, float] | None:
+    def _stands(self, frame: Pose, sign: float, turn: float) -> BasePose | None:
         """Return where the base stands free before or behind a doorway, turned so; None if nowhere."""
         for away in BESIDE:
             pose = frame @ Pose.planar(sign * away, 0.0, turn)
             base = (pose.position[0], pose.position[1], pose.yaw)
-            self.oracle.place(base, self.oracle.posture)
-            if self.oracle.touched(itself=False) is None:
+            if self._is_free(base):
                 return base
         return None
 
     def _reached(self, hands: Sequence[Hands], target: str | None, share: float = 1.0) -> bool:
         """Return True if an arm reaches one of its hands from somewhere, in a ``share`` of the time that is left."""
         until = time.process_time() + share * max(self.until - time.process_time(), 0.0)
-        ways, arms = self._ways(), self.oracle.robot.arms
+        drives, arms = self._drives(), self.oracle.robot.arms
         free_hands = [
             self._free(arm, self.chains[arm.name], ours, target) for arm, ours in zip(arms, hands, strict=True)
         ]
@@ -248,22 +264,19 @@ class Search:
                 if time.process_time() > until:
                     return False
                 x, y, yaw = bases[row].tolist()
-                if way_from(self.oracle, ways, arm, chain, (x, y, yaw), chosen[row], q[row], target):
+                if self.arms.come(drives, arm, (x, y, yaw), chosen[row], q[row], target):
                     return True
         return False
 
-    def _yields(self, aim: Aim, body: Body | None, seeds: Sequence[int], until: float) -> bool:
+    def _yields(
+        self, aims: Sequence[Aim], body: Body | None, poses: Sequence[Pose], seeds: Sequence[int], until: float
+    ) -> bool:
         """Return True if an arm gets to a body at one of some poses, and lifts it, by postures that yield to contacts.
 
-        Afterwards the body is at one of them.
+        Each aim has as many boxes of one pose as of any other. Afterwards the body is at one of the poses.
         """
-        ways = self._ways()
-
-        def put(box: int) -> None:
-            if body is not None:
-                self.oracle.move(body.name, aim.poses[box])
-
-        for seed, arm in itertools.product(seeds, self.oracle.robot.arms):
+        drives = self._drives()
+        for seed, aim, arm in itertools.product(seeds, aims, self.oracle.robot.arms):
             if arm.gripper is None or time.process_time() > until:
                 continue
             chain = self.chains[arm.name]
@@ -271,6 +284,11 @@ class Search:
             found = nearest.postures(aim, seed)
             if found is None:
                 continue
+
+            def put(box: int, aim: Aim = aim) -> None:
+                if body is not None:
+                    self.oracle.move(body.name, poses[box * len(poses) // len(aim.poses)])
+
             for left, base, q, box in nearest.yielded(aim, found, put, lambda *_: False, CLEAR):
                 if time.process_time() > until:
                     return False
@@ -278,10 +296,8 @@ class Search:
                     continue
                 x, y, yaw = base.tolist()
                 tip = Pose.planar(x, y, yaw).matrix() @ chain.forward(q[None])[0][0]
-                hands = self.grips.from_tip(arm, tip, body, aim.poses[box])
-                if hands is not None and way_from(
-                    self.oracle, ways, arm, chain, (x, y, yaw), hands, q, body and body.name
-                ):
+                every = self.grips.from_tip(arm, tip, aim, aim.poses[box], lifts=body is not None and body.movable)
+                if any(self.arms.come(drives, arm, (x, y, yaw), one, q, body and body.name) for one in every):
                     return True
         return False
 
@@ -317,7 +333,7 @@ class Search:
                     if time.process_time() > until:
                         return False
                     hands = [(two[0], held, chosen[row], q[row]), (two[1], others, poses[one], p[one])]
-                    if way_of_two(self.oracle, ways, (x, y, yaw), hands, body.name):
+                    if ways and way_of_two(self.oracle, ways, (x, y, yaw), hands, body.name):
                         return True
         return False
 
@@ -332,11 +348,11 @@ class Search:
             rows = rows[chain.solve(target[rows], q[rows])[1]]
         return q, rows
 
-    def _drives_to(self, base: Sequence[float], ways: Ways) -> bool:
+    def _drives_to(self, base: Sequence[float], ways: Ways | None) -> bool:
         """Return True if the base, in the posture in which it drives, stands free at a place and gets there."""
         place = (base[0], base[1], base[2])
         self.oracle.place(place, self.oracle.posture)
-        return self.oracle.touched(depth=PRESSED) is None and ways.lead_to(place)
+        return ways is not None and self.oracle.touched(depth=PRESSED) is None and ways.lead_to(place)
 
     def _anywhere(self, chain: Joints, number: int) -> Array:
         """Draw joint values (n, d) of a chain."""
@@ -374,10 +390,11 @@ class Search:
         """Return True if a thing is seen from somewhere on the floor."""
         point, ways = self.oracle.room.body(name).pose.position, self._ways()
         cells = self.floor.cells
-        for place in cells[self.rng.integers(len(cells), size=60)] if len(cells) else ():
+        if ways is None or not len(cells):
+            return False
+        for place in cells[self.rng.integers(len(cells), size=60)]:
             base = (float(place[0]), float(place[1]), math.atan2(point[1] - place[1], point[0] - place[0]))
-            self.oracle.place(base, self.oracle.posture)
-            if self.oracle.touched(itself=False) is None and ways.lead_to(base) and self.oracle.sees(base, name):
+            if self._is_free(base) and ways.lead_to(base) and self.oracle.sees(base, name):
                 return True
         return False
 

@@ -11,6 +11,7 @@ import numpy as np
 from executive.robots import Arm
 from planlang.geometry import Array, Pose
 from sim import Body
+from tests.benchmarks.homes.nearest import Aim, widths
 from tests.support.locations.sampler import BACK, UP, hand_poses
 
 PITCHES = (0.0, 0.4, 0.8, math.pi / 2)
@@ -29,6 +30,12 @@ RAISED = np.array([0.0, 0.0, 0.01])
 """How much over its middle a tall thing may be taken [m]."""
 BAR = 0.06
 """Largest extent of a handle between fingers [m]."""
+WELL_IN = 0.6
+"""Share of the extents of a thing within which its grip is."""
+BACKS, OFF = (BACK, 0.05), 0.015
+"""Distances from which a hand comes straight to what it takes, and height by which it lifts what it pulls out [m]."""
+RIMS, RIM, ACROSS = 12, (0.002, 0.02, 0.008), 0.5
+"""Places around a rim, half the extents of each, and its extent along the rim and down: fingers close across it [m]."""
 Hands = Array
 """Poses of a hand (n, k, 4, 4), of which the second is the one that matters."""
 
@@ -67,20 +74,38 @@ class Grips:
         """Return how far ahead of the grip point an arm's fingers end [m]."""
         return self._ahead[arm.name]
 
-    def from_tip(self, arm: Arm, tip: Array, body: Body | None, pose: Pose) -> Hands | None:
-        """Return the hand (k, 4, 4) that takes a body from a tip's pose: before it, at it, above it if it is moved.
+    def aims(self, body: Body, poses: Sequence[Pose]) -> list[Aim]:
+        """Return what a hand gets to that takes a body at one of some poses: its middle, and its rim if it has one.
 
-        None if it does not fit between the fingers.
+        Of each pose an aim has as many boxes as of any other.
         """
-        room = arm.gripper.max_opening if arm.gripper is not None else 0.0
-        if body is not None:
-            width = _extent(body, pose, tip[:3, :3] @ np.array(arm.closing))
-            if width + SIDE > (room if body.movable else min(room, BAR)):
-                return None
-        before, over = tip.copy(), tip.copy()
-        before[:3, 3] -= BACK * (tip[:3, :3] @ np.array(arm.approach))
-        over[2, 3] += UP
-        return np.array([before, tip, over] if body is not None and body.movable else [before, tip])
+        found = [Aim(poses, np.array(body.size) / 2 * WELL_IN, None, body.size, body.shape)]
+        if body.wall and body.shape == "cylinder" and body.hands == 1:
+            turns = np.linspace(0.0, 2 * math.pi, RIMS + 1)[:-1].tolist()
+            out, up = (body.size[0] - body.wall) / 2, body.size[2] / 2
+            there = [Pose.planar(out * math.cos(one), out * math.sin(one), one, up) for one in turns]
+            rims = [pose @ rim for pose in poses for rim in there]
+            found.append(Aim(rims, np.array(RIM), None, (body.wall, ACROSS, ACROSS), "box"))
+        return found
+
+    def from_tip(self, arm: Arm, tip: Array, aim: Aim | None, pose: Pose, *, lifts: bool) -> list[Hands]:
+        """Return hands (k, 4, 4) that take an aim's box from a tip's pose: before it, at it, and where it brings it.
+
+        It comes from near or far, and lifts, or pulls out what it takes. Nothing if it does not fit between the
+        fingers.
+        """
+        if aim is not None and aim.between is not None:
+            room = arm.gripper.max_opening if arm.gripper is not None else 0.0
+            closing = tip[:3, :3] @ np.array(arm.closing)
+            width = widths(aim.whole, aim.between, pose.rotation[None], closing[None])[0][0]
+            if width + SIDE > min(room, aim.room):
+                return []
+        approach = tip[:3, :3] @ np.array(arm.approach)
+        before = [_shifted(tip, -back * approach) for back in BACKS]
+        if not lifts:
+            return [np.array([one, tip]) for one in before]
+        over = (_shifted(tip, np.array([0.0, 0.0, UP])), _shifted(tip, (0.0, 0.0, OFF) - BACK * approach))
+        return [np.array([one, tip, other]) for one in before for other in over]
 
     def at_bar(self, arm: Arm, pose: Pose, size: Sequence[float], ways: Sequence[Array]) -> Hands:
         """Return hands (n, 2, 4, 4) that come in some directions (3,) to a bar, and close around it."""
@@ -133,10 +158,13 @@ def slants(ahead: Array) -> list[Array]:
 
 def _extent(body: Body, pose: Pose, way: Array) -> float:
     """Return how long a body is along a direction (3,)."""
-    local = way @ pose.rotation
-    if body.shape == "box":
-        return float(np.abs(local) @ np.array(body.size))
-    return float(math.hypot(local[0], local[1]) * max(body.size[:2]) + abs(local[2]) * body.size[2])
+    return float(widths(body.shape, body.size, pose.rotation[None], way[None])[0][0])
+
+
+def _shifted(tip: Array, by: Array) -> Array:
+    there = tip.copy()
+    there[:3, 3] += by
+    return there
 
 
 def _lifted(arm: Arm, grip: Array, ahead: Array, side: Array) -> Array:

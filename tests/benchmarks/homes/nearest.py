@@ -7,6 +7,7 @@ something is from possible. Of other arms nothing is asked.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,14 +29,16 @@ TURNED = 0.1
 """Distance that counts like a radian [m]."""
 MET = 0.01
 """What may remain of the distance of a posture that yields to contacts [m]."""
-LOOKED_AT, YIELDING = 16, 20
-"""Of such postures so many are looked at, and moved by so many steps."""
+LOOKED_AT, OF, YIELDING = 16, 48, 20
+"""Of such postures so many are moved, by so many steps: those of so many that are least deep in something."""
 HOPELESS, SOON = 0.03, 8
 """One of which so much remains after so many steps is given up [m]."""
 DONE = 2e-4
 """A posture of which no more remains is good [m]."""
 LOOKED = 0.002
 """Distances up to this are asked for [m]."""
+SPARE = 0.004
+"""Room that is left between fingers on both sides together of what fits whole [m]."""
 
 
 Axis = tuple[int, bool, Array, Array]
@@ -53,6 +56,12 @@ class Aim:
     """Normal (3,) of the front before which it is."""
     between: tuple[float, float, float] | None = None
     """Extents that fit between the fingers as they are turned; None if it is taken by its edge."""
+    whole: str = ""
+    """Shape that fits whole between the fingers, "box" or "cylinder"; "" if no more is asked than that each extent does
+    by itself, which is necessary.
+    """
+    room: float = math.inf
+    """What fits between fingers [m], if that is less than they open."""
 
     @property
     def frames(self) -> Array:
@@ -69,6 +78,10 @@ class Postures:
     boxes: Array
     left: Array
     """What is left (n,): distances of the grip from the aim and of the base from the floor, turns of the hand [m]."""
+
+    def row(self, number: int) -> Array:
+        """Base and joints (3 + d,) of one of them."""
+        return np.concatenate([self.bases[number], self.joints[number]])
 
 
 class Nearest:
@@ -120,10 +133,14 @@ class Nearest:
         is to be ``clear`` by a distance [m].
         """
         frames = aim.frames
-        for row in np.flatnonzero(found.left < MET)[:LOOKED_AT].tolist():
+        depths_of = {}
+        for row in np.flatnonzero(found.left < MET)[:OF].tolist():
+            prepare(int(found.boxes[row]))
+            depths_of[row] = max(self._contacts(found.row(row), may, clear)[1], default=0.0)
+        for row in sorted(depths_of, key=lambda one: depths_of[one])[:LOOKED_AT]:
             box = int(found.boxes[row])
             prepare(box)
-            x = np.concatenate([found.bases[row], found.joints[row]])
+            x = found.row(row)
             best = (np.inf, x)
             for step in range(YIELDING):
                 rows, residuals, remains = self._aimed(x[None], frames[box][None], aim)
@@ -199,6 +216,11 @@ class Nearest:
             outward = np.tile(aim.outward, (len(arm), 1))
             yield TURNED * turned(approach, outward), TURNED * (approach @ aim.outward - INWARD)
         closing = hand @ np.array(self._arm.closing)
+        if aim.between is not None and aim.whole:
+            room = min(self._room, aim.room) - SPARE
+            width, way = widths(aim.whole, aim.between, frames[:, :3, :3], closing)
+            yield TURNED * turned(closing, way) / room, TURNED * (width / room - 1.0)
+            return
         for axis, extent in enumerate(aim.between or ()):
             if extent > self._room:
                 along = frames[:, :3, axis]
@@ -269,3 +291,17 @@ class Nearest:
             if joint in carried:
                 found[:, column] = axis if slides else np.cross(axis, point - origin)
         return found
+
+
+def widths(shape: str, size: Sequence[float], turns: Array, ways: Array) -> tuple[Array, Array]:
+    """Return how long bodies of a shape and size, turned (n, 3, 3), are along directions (n, 3), and how that changes.
+
+    The second (n, 3) is the derivative by the direction.
+    """
+    local = np.einsum("nji,nj->ni", turns, ways)
+    if shape == "box":
+        change = np.sign(local) * np.array(size)
+    else:
+        across = np.maximum(np.hypot(local[:, 0], local[:, 1]), 1e-9)[:, None]
+        change = np.column_stack([local[:, :2] / across * max(size[:2]), np.sign(local[:, 2]) * size[2]])
+    return np.einsum("ni,ni->n", local, change), np.einsum("nij,nj->ni", turns, change)

@@ -11,8 +11,9 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 
@@ -46,8 +47,8 @@ SPOTS = 0.02
 TURNS = np.arange(6) * math.pi / 6
 TIGHT = 0.003
 """Extents of a thing are taken to be shorter by this when room is looked for [m]."""
-SECONDS = 15.0
-"""CPU time for the certificate of one need [s]."""
+SECONDS, ALTOGETHER = 24.0, 100.0
+"""CPU time for the certificate of one need, and after which no other door is tried instead of that meant [s]."""
 
 
 BY_EDGE = ("DinnerPlate", "Bowl-Eating", "Sponge-CleaningImplement", "SoupPot")
@@ -194,11 +195,39 @@ class Witness:
         """Return the answer for what all has to be possible."""
         if broken := self.broken(needs):
             return broken
+        first, until = None, time.process_time() + ALTOGETHER
+        for way in self._ways(needs):
+            if time.process_time() > until:
+                break
+            unproved = self._unproved(way)
+            if unproved is None:
+                return Verdict(Answer.POSSIBLE)
+            first = first or unproved
+        assert first is not None
+        return Verdict(Answer.OPEN, open=(f"{first.kind} {first.thing}",))
+
+    def _unproved(self, needs: Sequence[Need]) -> Need | None:
+        """Return the first need for which there is no certificate, None if all have one."""
         leaves = tuple(dict.fromkeys(need.thing for need in needs if need.kind == "open"))
-        unproved = next((one for one in needs if not self.search.certified(one, self.scene, leaves)), None)
-        if unproved is None:
-            return Verdict(Answer.POSSIBLE)
-        return Verdict(Answer.OPEN, open=(f"{unproved.kind} {unproved.thing}",))
+        return next((one for one in needs if not self.search.certified(one, self.scene, leaves)), None)
+
+    def _ways(self, needs: Sequence[Need]) -> Iterator[tuple[Need, ...]]:
+        """Yield needs as they are, then with the other door of furniture where either will do, then with both."""
+        yield tuple(needs)
+        named = {need.thing: need.at for need in needs if need.either and need.kind in ("open", "close")}
+        others = {
+            leaf: joint.leaf
+            for leaf, holder in named.items()
+            for joint in self.scene.joints
+            if joint.holder == holder and joint.leaf != leaf and joint.kind is JointKind.HINGED
+        }
+        for both in (False, True) if others else ():
+            swapped = []
+            for need in needs:
+                is_swapped = need.thing in others and need.kind in ("open", "close")
+                other = replace(need, thing=others[need.thing]) if is_swapped else need
+                swapped += [need, other] if both and is_swapped else [other]
+            yield tuple(swapped)
 
     # Necessary conditions
 

@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from xml.etree import ElementTree
 
 import numpy as np
@@ -187,13 +188,22 @@ def _claim(
 
 
 def way_from(
-    oracle: Oracle, ways: Ways, arm: Arm, chain: Joints, base: BasePose, poses: Array, q: Array, target: str | None
+    oracle: Oracle,
+    ways: Ways,
+    arm: Arm,
+    chain: Joints,
+    base: BasePose,
+    poses: Array,
+    q: Array,
+    target: str | None,
+    aside: Mapping[str, float] = MappingProxyType({}),
 ) -> Claim | None:
     """Return a way of an arm, fingers opened, through poses (k, 4, 4), the second of which joints (d,) reach.
 
-    None if the base cannot get there, or anything is pressed into anything but fingers into the target.
+    Meanwhile other joints are ``aside``. None if the base cannot get there, or anything is pressed into anything but
+    fingers into the target.
     """
-    opened = _opened(arm)
+    opened = {**_opened(arm), **aside}
     if not _is_free(oracle, arm, chain, base, q, opened, target):
         return None
     oracle.place(base, oracle.posture)
