@@ -3,7 +3,7 @@
 python -m tests.benchmarks.homes run --robots amigo,pr2 --seeds 0:3 [--templates fetch,beside] [--out ROWS]
 python -m tests.benchmarks.homes run --robots amigo --seeds 0:1 --templates flat_tasks,further_tasks,door_tasks
 python -m tests.benchmarks.homes series acceptance [--docs docs/reference/homes.md]
-python -m tests.benchmarks.homes certify ROWS... [--number 200] [--out ANSWERS]
+python -m tests.benchmarks.homes certify ROWS... [--failed] [--number 200] [--out ANSWERS]
 python -m tests.benchmarks.homes table ROWS... [--docs docs/reference/homes.md]
 python -m tests.benchmarks.homes write FOLDER --robots pr2 --seeds 0:1 --templates fetch
 python -m tests.benchmarks.homes witness --robots pr2 --seeds 0:1 --templates fetch
@@ -74,6 +74,7 @@ def main(words: Sequence[str] | None = None) -> int:
     one.add_argument("--docs", type=Path, help="write it into this page")
     one = commands.add_parser("certify", help="ask the witness of tasks that were reached, drawn by lot")
     one.add_argument("rows", type=Path, nargs="+")
+    one.add_argument("--failed", action="store_true", help="of those that failed: after the witness was changed")
     one.add_argument("--number", type=int, default=CERTIFIED)
     _add_engine(one)
     one.add_argument("--out", type=Path, help="a file of answers, which is gone on with")
@@ -152,8 +153,9 @@ def _table(given: argparse.Namespace) -> int:
 
 
 def _certify(given: argparse.Namespace) -> int:
-    """Ask the witness of reached tasks: all are possible, so what it cannot show is its own shortfall."""
-    drawn = series.by_lot([row for file in given.rows for row in read_sweep(file).rows], given.number)
+    """Ask the witness of reached tasks: all are possible, so what it cannot show is its own shortfall; or of failed."""
+    asked_of = [row for file in given.rows for row in read_sweep(file).rows]
+    drawn = series.by_lot(asked_of, given.number, failed=given.failed)
     worlds = [{key: row[key] for key in ("world", "repeat", "template", "seed", "robot")} for row in drawn]
     job = "tests.benchmarks.homes.trial:certify"
     rows = sweep(worlds, job, **_engine(given), limits=LIMITS, out=given.out)

@@ -85,11 +85,15 @@ def cases(seeds: Sequence[int], templates: Sequence[str], robots: Sequence[str],
                 yield Case(template, seed, robot, displaced)
 
 
-def by_lot(rows: Sequence[Mapping[str, object]], number: int) -> list[Mapping[str, object]]:
-    """Return so many of the tasks that were reached in homes as their maps say, drawn by lot; equal rows, equal lot."""
-    reached = [row for row in rows if row.get("reached") and not row.get("displaced")]
-    reached.sort(key=lambda row: hashlib.sha256(str(row["world"]).encode()).digest())
-    return reached[:number]
+def by_lot(rows: Sequence[Mapping[str, object]], number: int, *, failed: bool = False) -> list[Mapping[str, object]]:
+    """Return so many of the tasks in homes as their maps say, drawn by lot; equal rows, equal lot.
+
+    They are of those that were reached, or of those that ``failed``.
+    """
+    drawn = [row for row in rows if bool(row.get("reached")) != failed and not row.get("displaced")]
+    drawn = [row for row in drawn if row.get("outcome") != "not drawn"]
+    drawn.sort(key=lambda row: hashlib.sha256(str(row["world"]).encode()).digest())
+    return drawn[:number]
 
 
 def _git(top: Path, *words: str) -> str:

@@ -106,6 +106,12 @@ def test_the_lot_falls_on_reached_tasks_of_homes_as_their_maps_say_and_not_on_th
     assert [one["world"] for one in drawn] != sorted(str(one["world"]) for one in drawn)
 
 
+def test_the_witness_may_also_be_asked_of_what_failed_but_not_of_what_was_not_drawn():
+    rows = [row("fetch", True, world="reached"), row("fetch", False, world="failed")]
+    rows += [row("fetch", False, world="moved", displaced=True), row("fetch", False, world="none", outcome="not drawn")]
+    assert [one["world"] for one in series.by_lot(rows, 10, failed=True)] == ["failed"]
+
+
 def test_development_and_acceptance_are_compared_exactly():
     assert fisher((8, 10), (1, 6)) == pytest.approx(0.0350, abs=5e-4)  # of the literature: scipy.stats.fisher_exact
     assert fisher((90, 100), (90, 100)) == pytest.approx(1.0)
