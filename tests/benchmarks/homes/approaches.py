@@ -32,7 +32,7 @@ NEARLY = 0.005
 """What may remain where something counts as possible [m]."""
 DEPTH = -0.001
 """How far something is pressed into something else before it counts [m]."""
-ROUNDS = 3
+ROUNDS = 12
 """Sets of postures that are begun from before something counts as impossible."""
 VALUES = 9
 """Openings of a drawer that are looked at."""

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pybullet
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -90,19 +91,22 @@ def test_how_a_width_changes_is_its_derivative(shape: str, way: tuple[float, ...
         )
 
 
-def test_a_robot_can_drive_nearer_to_a_wall_than_with_its_arms_as_usual():
-    wall = Body("wall1", Pose((0.0, 0.0, 0.9)), (0.1, 4.0, 1.8))
-    witness = Witness(Scene((ROOM, wall), (-2.5, -2.0, 2.5, 2.0)), AMIGO)
-    touched = []
+def test_a_robot_can_drive_with_its_arms_drawn_in_and_then_has_them_as_usual_again():
+    witness = Witness(Scene((ROOM,), (-2.5, -2.0, 2.5, 2.0)), AMIGO)
+    oracle, usual, widest = witness.oracle, dict(witness.oracle.posture), []
+    arms = [link for name, link in oracle.links.items() if name.endswith(("_right", "_left"))]
     try:
         with witness.search.arms.driving() as postures:
             for _ in postures:
-                witness.oracle.place((0.46, 0.0, math.pi), witness.oracle.posture)
-                touched.append(witness.oracle.touched())
+                oracle.place((0.0, 0.0, 0.0), oracle.posture)
+                boxes = [pybullet.getAABB(oracle.uid, link, physicsClientId=oracle.client) for link in arms]
+                widest.append(max(math.hypot(*np.abs(corner[:2])) for box in boxes for corner in box))
+                assert oracle.touched() is None
+        assert oracle.posture == usual
     finally:
         witness.close()
-    assert touched[0] is not None
-    assert touched[1] is None
+    assert len(widest) == 2
+    assert widest[1] < widest[0]
 
 
 @pytest.mark.parametrize(
