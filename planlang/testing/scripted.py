@@ -21,7 +21,7 @@ from planlang.records import dataclass
 from planlang.roles import meant_role
 from planlang.runs.codec import dump, load
 from planlang.testing.script import Belief, Rule, Script
-from planlang.testing.vocabulary import bundled_vocabulary
+from planlang.testing.vocabulary import ActionVocabulary, bundled_vocabulary
 
 
 @dataclass(eq=False)
@@ -70,9 +70,9 @@ class ScriptedExecutive:
     The robot can perform the primitives of the ontology, and the further classes in the script.
     """
 
-    def __init__(self, script: Script) -> None:
+    def __init__(self, script: Script, vocabulary: ActionVocabulary | None = None) -> None:
         self.script = script
-        self.vocabulary = bundled_vocabulary()
+        self.vocabulary = vocabulary or bundled_vocabulary()
         self.belief: Belief = script.belief()
         self._left = [rule.times for rule in script.rules]
         """Remaining applications of each rule."""
