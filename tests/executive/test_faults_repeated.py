@@ -72,7 +72,7 @@ def test_a_fault_and_what_recovers_from_it_are_replayed_and_resumed_byte_for_byt
     last = max(number for number, line in enumerate(lines) if json.loads(line)["event"] == "fault")
     cut = tmp_path / "cut.jsonl"
     cut.write_text("".join(lines[: last + 2]))  # killed just after it has happened
-    again = answer("run", *plan, "--resume", cut)
+    again = answer("run", *(task if plan else ()), "--resume", cut)
     assert (again["outcome"], again["faults"]) == (found["outcome"], found["faults"])
     resumed = [line for line in cut.read_text().splitlines(keepends=True) if '"event": "resumed"' not in line]
     assert resumed == lines
