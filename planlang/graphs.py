@@ -12,6 +12,8 @@ from typing import Any
 
 
 def __getattr__(name: str) -> Any:
+    if name.startswith("__"):  # an import from here asks whether this is a package
+        raise AttributeError(name)
     return getattr(import_module("networkx"), name)  # late, as said above
 
 
