@@ -1,7 +1,7 @@
 """networkx, imported when a graph is first used.
 
-The import takes a fifth of a second, and few recipes need it: those with states, overlaps, data flow or a cycle,
-and drawings; of runs, those in which the nearest thing to each of several detections is not another one.
+The import takes over a tenth of a second, and few recipes need it: those with states, overlaps, data flow or a cycle,
+and drawings; of runs, those in which several detections have the same nearest thing, or goals are of things alike.
 """
 
 from __future__ import annotations
