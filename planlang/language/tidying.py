@@ -2,7 +2,8 @@
 
 A recovery that opens a door closes it behind the robot at once, if no later step leads back through it. Otherwise the
 door is owed: after the plan has succeeded, what is still owed is closed, and the robot goes back to where the plan has
-brought it. The plan has reached its goal then: it does not fail because a door stays open.
+brought it. The plan has reached its goal then: it does not fail because a door stays open. It fails if its last action
+was a movement of the base, and the robot does not get back: to be there was what it was to do.
 
 After a plan has failed, the robot puts down what it still holds, if its ontologies state that for the failure. The
 failure then says where the things are.
@@ -17,14 +18,16 @@ from typing import TypeVar
 
 from planlang.action_classes import levels_above
 from planlang.designators import Action, Condition, FixedPose, Object, action
-from planlang.failures import PlanFailure
+from planlang.failures import NavigationFailure, PlanFailure
 from planlang.language.branches import evaporating
 from planlang.language.executive import Executive, executive_for
-from planlang.language.performing import perform
+from planlang.language.performing import last_resources, perform
 from planlang.language.recovery import recoveries_are_on
 from planlang.language.remaining import remaining_actions
 
 V = TypeVar("V")
+MOVING = frozenset({"base", "head"})
+"""Resources of an action that does nothing but move the base, where the head watches the way."""
 
 _owed: ContextVar[dict[Object, None] | None] = ContextVar("doors to close again", default=None)
 """Doors that stand open for later steps, in the order in which they were opened."""
@@ -33,22 +36,29 @@ _owed: ContextVar[dict[Object, None] | None] = ContextVar("doors to close again"
 async def tidied(body: Callable[[], Awaitable[V]]) -> V:
     """Run a body; when it has succeeded, close the doors that :func:`passed` has left open in it, if possible.
 
-    When it has failed, put down what is held, if possible and where recoveries are on; then raise the failure.
+    When it has failed, put down what is held, if possible and where recoveries are on; then raise the failure. Raises
+    NavigationFailure if the body ended with a movement of the base, and the robot does not get back from the doors.
     """
-    owed, failure = dict[Object, None](), None
-    token = _owed.set(owed)
+    owed, failure, last = dict[Object, None](), None, list[tuple[str, ...]]()
+    token, of_last = _owed.set(owed), last_resources.set(last)
     try:
         result = await body()
     except PlanFailure as raised:
         failure = raised
     finally:
+        last_resources.reset(of_last)
         _owed.reset(token)
     if failure is not None:
         await _put_down(failure)
         raise failure
     if owed:
-        with suppress(PlanFailure):  # the tree of the run has it
+        try:
             await perform(action("ClosingDoorsAgain", object_acted_on=tuple(owed)))
+        except NavigationFailure:
+            if last and {"base"} <= {*last[0]} <= MOVING:
+                raise
+        except PlanFailure:  # the tree of the run has it
+            pass
     return result
 
 

@@ -45,8 +45,8 @@ class ClosingAgain(PlatformModule):
         """Close those of ``object_acted_on`` that are open, the farthest first; return the names of those that are not.
 
         Each is closed from the side of the base's place, so that the base gets back there. Of one that stays open the
-        trace, and the run's progress, say why, and also why the base does not get back: the goal of the plan is
-        reached all the same.
+        trace, and the run's progress, say why, and also why the base does not get back. Raises NavigationFailure
+        then: whether the plan has reached its goal all the same depends on the plan.
         """
         await checkpoint()
         scene, place, stay_open = self.platform.scene, self.platform.base(), list[str]()
@@ -71,6 +71,7 @@ class ClosingAgain(PlatformModule):
                 await perform(action("Translation-LocationChange", x=x, y=y, yaw=yaw), recoveries=[again])
             except PlanFailure as failure:
                 scene.belief.tell("stays away", {"because": str(failure)})
+                raise NavigationFailure("the robot does not get back from closing doors") from failure
         return tuple(stay_open)
 
     def _doors(self, request: Action) -> dict[str, Object]:

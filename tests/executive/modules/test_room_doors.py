@@ -34,6 +34,7 @@ from planlang.failures import (
     ActionUnresolvable,
     BehindClosedDoor,
     HandleNotReachable,
+    NavigationFailure,
     NavigationPoseUnreachable,
     ObjectUnreachable,
 )
@@ -207,14 +208,15 @@ def test_a_door_that_cannot_be_closed_again_is_named_and_no_failure(stack: ExitS
     assert (told["name"], "has no handle" in told["because"]) == ("door", True)
 
 
-def test_a_base_that_does_not_get_back_after_closing_doors_is_told_and_no_failure(
+def test_a_base_that_does_not_get_back_after_closing_doors_is_told_and_a_failure(
     stack: ExitStack, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stage = flat(stack, RoomDoor(facts=("knowrob:jointPosition 0.8",)), tmp_path)
     monkeypatch.setattr("executive.modules.navigation.Navigation.execute", refused)
     monkeypatch.setattr("executive.modules.furniture.closing_again.apart", lambda *poses: (1.0, 0.0))
     trace, again = Trace(), action("ClosingDoorsAgain", object_acted_on=stage.designator("door"))
-    run(partial(perform, again), host=SimulationHost(stage.truth), executive=stage.executive, trace=trace)
+    with pytest.raises(NavigationFailure, match="does not get back"):
+        run(partial(perform, again), host=SimulationHost(stage.truth), executive=stage.executive, trace=trace)
     assert [event["because"] for event in trace.events if event["event"] == "stays away"] == ["something is in the way"]
 
 

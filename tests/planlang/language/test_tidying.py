@@ -10,7 +10,7 @@ from loaded_plans import read
 
 from planlang import Recovery, explain, open_what_is_in_the_way, perform, with_failure_handling
 from planlang.designators import Condition, FixedPose, Object, action, an_object
-from planlang.failures import BehindClosedDoor, ContainerStuck, ObjectUnreachable, PlanFailure
+from planlang.failures import BehindClosedDoor, ContainerStuck, NavigationFailure, ObjectUnreachable, PlanFailure
 from planlang.language.loading import load_plan
 from planlang.language.recovery import without_recoveries
 from planlang.language.tidying import passed, tidied
@@ -107,6 +107,21 @@ def test_a_plan_that_has_succeeded_does_not_fail_because_a_door_stays_open() -> 
     run = run_plan(fetching(ONE), script=script(ONE).on(AGAIN, fails=ContainerStuck))
     assert run.failure is None
     assert run.attempts(AGAIN) == 1
+
+
+def test_a_plan_that_has_fetched_a_thing_does_not_fail_because_the_robot_does_not_get_back_from_a_door() -> None:
+    run = run_plan(fetching(ONE), script=script(ONE).on(AGAIN, fails=NavigationFailure))
+    assert run.failure is None
+
+
+def test_a_plan_that_ends_with_a_drive_fails_if_the_robot_does_not_get_back_from_a_door() -> None:
+    module = load_plan(read(LATER))
+    failure = BehindClosedDoor(what="table1", door=ONE, beyond=((ONE, BEYOND),))
+    stage = (
+        script(ONE).on("Translation-LocationChange", fails=lambda: failure, times=1).on(AGAIN, fails=NavigationFailure)
+    )
+    run = run_plan(lambda: tidied(module.leave_open), script=stage)
+    assert isinstance(run.failure, NavigationFailure)
 
 
 def test_a_failed_plan_closes_no_door() -> None:
