@@ -31,6 +31,8 @@ THIN = ((0.1, 1.0, 0.01),)
 """Silhouette of a line: only walls between floor and position count."""
 AVOIDED = 1000.0
 """Cost of a metre within a doorway that is too narrow, in metres elsewhere."""
+SLACK = 0.05
+"""Width that a doorway may lack at most if the robot drives through: it needs less where the grid suits it [m]."""
 AS_FAR_AS_IT_GOES = 0.97
 """Share of its range from which on it does not help to open a door further."""
 BEYOND = 0.3
@@ -61,6 +63,8 @@ class NarrowDoorway:
         needed = f"{holding} the robot needs {self.needed:.2f} m"
         if not self.door:
             return f"{self.name} is {self.width:.2f} m wide;{needed}"
+        if self.wide_open < self.needed - SLACK:
+            return f"{self.name} is {self.wide_open:.2f} m wide with {self.door} open;{needed}"
         if self.width == 0.0:
             return f"{self.door} in {self.name} is closed"
         opened = f"opening it further would make {self.wide_open:.2f} m"
@@ -117,6 +121,11 @@ def needed_width(scene: PlanningScene) -> float:
     """Compute the width of a doorway through which the robot drives as it does, wherever it is in the map [m]."""
     floor = scene.collisions.travelled()
     return narrowest_doorway(floor.silhouette, floor.outlines) or WIDTHS[-1]
+
+
+def is_wide_enough(scene: PlanningScene, door: Articulation) -> bool:
+    """Check whether a door between rooms, open as far as it goes, leaves room for the robot as it drives."""
+    return free_width(scene, door, door.upper) >= needed_width(scene) - SLACK
 
 
 def _doorways(scene: PlanningScene) -> list[tuple[str, Block, float, Articulation | None]]:

@@ -381,12 +381,16 @@ def _count_no_grip(reach: Reach, grips: Sequence[Block], arm: ArmModel, rejectio
             f"{part} is {wide:.3f} m wide and would fit between the fingers ({opening}), but the <collision> shape of "
             f"{arm.covering} in the URDF covers the place between them: draw it, and the fingers, as they are"
         )
+    elif (across := narrowest(replace(grip, wall=0.0))) > arm.max_opening - BETWEEN_FINGERS:
+        reason = "too wide for the gripper"
+        said = barely_too_wide(part, across, arm.max_opening, arm.name)
+        figures = f"{said}; at its rim a hand has no room either"
     else:
         reason = "no room for the hand around it"
         high = grip.high - grip.low
         figures = (
-            f"{part} is {wide:.3f} m wide and fits between the fingers, but is only {high:.3f} m high: the palm or the "
-            f"fingertips would touch {body} or what it stands on"
+            f"{part} is {across:.3f} m wide and fits between the fingers, but is only {high:.3f} m high: the palm or "
+            f"the fingertips would touch {body} or what it stands on"
         )
     rejections.add(reason)
     rejections.figures[reason] = figures

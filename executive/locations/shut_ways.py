@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from executive.belief.doorways import AS_FAR_AS_IT_GOES, BEYOND, PAST, free_width, gets_past
+from executive.belief.doorways import AS_FAR_AS_IT_GOES, BEYOND, PAST, free_width, gets_past, is_wide_enough
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.standing import Standing
 from planlang.designators import FixedPose
@@ -81,6 +81,7 @@ def _to_open(
         for one in belief.joints.values()
         if one.frame and one.leaf not in but and belief.joint(one.leaf) < AS_FAR_AS_IT_GOES * one.upper
     ]
+    doors = [one for one in doors if is_wide_enough(scene, one)]
     if not doors or not is_possible(_opened(scene, doors)):
         return []
     # where another way leads, a door that has no handle is not needed
