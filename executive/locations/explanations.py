@@ -15,8 +15,8 @@ from executive.belief.scene_collisions import BasePose
 from executive.locations.changes import Changes, IsFeasible, WhatLacks, with_supports
 from executive.locations.dropping import undroppable
 from executive.locations.grasp_candidates import CLASSES, GraspCandidates
+from executive.locations.grasps_from_above import BETWEEN_FINGERS
 from executive.locations.hand_predicates import (
-    BETWEEN_FINGERS,
     Stage,
     barely_too_wide,
     candidates_of,

@@ -46,6 +46,8 @@ SHALLOW = 0.9
 """Weight of a grip that is higher than necessary."""
 SMALL = 0.001
 """Advance of closing fingers below which no higher grip is needed [m]."""
+BETWEEN_FINGERS = 0.003
+"""Room that open fingers need beyond the width of a thing [m]."""
 LEAST = 0.005
 """Smallest depth of the fingers beside what they grip [m]."""
 
@@ -67,7 +69,7 @@ def is_dish(block: Block) -> bool:
 
 def by_its_rim(block: Block, max_opening: float) -> bool:
     """Check whether a hollow thing is grasped by its rim: a dish, or a vessel too wide for the fingers [m]."""
-    return block.wall > 0 and (is_low(block) or 2 * min(block.half_x, block.half_y) > max_opening)
+    return block.wall > 0 and (is_low(block) or 2 * min(block.half_x, block.half_y) > max_opening - BETWEEN_FINGERS)
 
 
 def grips(block: Block) -> Array:

@@ -31,6 +31,7 @@ from executive.locations.grasp_candidates import (
     taken_out,
 )
 from executive.locations.grasps_from_above import (
+    BETWEEN_FINGERS,
     DEEPEST,
     FROM_ABOVE,
     by_its_rim,
@@ -58,8 +59,6 @@ AT_CENTRE = 0.01
 """Largest distance of a grip point from the centre, or from the vertical through it [m]."""
 OTHER_GRIP = math.radians(30.0)
 """Smallest difference in steepness from a grip that could not be used [rad]."""
-BETWEEN_FINGERS = 0.003
-"""Room that open fingers need beyond the width of a thing [m]."""
 FINGERS = 0.05
 """Greatest length of fingers beyond the grip point [m]."""
 AT_POSE = 0.02
@@ -381,13 +380,9 @@ def _count_no_grip(reach: Reach, grips: Sequence[Block], arm: ArmModel, rejectio
             f"{part} is {wide:.3f} m wide and would fit between the fingers ({opening}), but the <collision> shape of "
             f"{arm.covering} in the URDF covers the place between them: draw it, and the fingers, as they are"
         )
-    elif (across := narrowest(replace(grip, wall=0.0))) > arm.max_opening - BETWEEN_FINGERS:
-        reason = "too wide for the gripper"
-        said = barely_too_wide(part, across, arm.max_opening, arm.name)
-        figures = f"{said}; at its rim a hand has no room either"
     else:
         reason = "no room for the hand around it"
-        high = grip.high - grip.low
+        high, across = grip.high - grip.low, narrowest(replace(grip, wall=0.0))
         figures = (
             f"{part} is {across:.3f} m wide and fits between the fingers, but is only {high:.3f} m high: the palm or "
             f"the fingertips would touch {body} or what it stands on"

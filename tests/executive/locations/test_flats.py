@@ -87,6 +87,12 @@ def test_what_makes_the_robot_wider_than_a_doorway_is_named() -> None:
     assert told == "doorway1 is 0.95 m wide; with tray1 the robot needs 1.10 m"
 
 
+def test_a_doorway_that_is_too_narrow_with_its_door_open_is_not_said_to_be_closed() -> None:
+    told = str(NarrowDoorway("doorway1", 0.0, 0.76, (), "door1", 0.57))
+    assert told == "doorway1 is 0.57 m wide with door1 open; the robot needs 0.76 m"
+    assert str(NarrowDoorway("doorway1", 0.0, 0.76, (), "door1", 0.8)) == "door1 in doorway1 is closed"
+
+
 def test_no_doorway_is_named_where_all_are_wide_enough_or_passed() -> None:
     wide = flat(1, (0.9, 0.9))
     widths = {"doorway2": 0.6}

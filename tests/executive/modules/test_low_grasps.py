@@ -200,6 +200,16 @@ def test_a_low_cup_that_fits_between_the_fingers_is_gripped_around_as_well_as_by
     assert (abs(away - 0.0355) < 0.003).any()
 
 
+def test_a_glass_as_wide_as_the_fingers_open_is_gripped_by_its_rim(make_stage: MakeStage) -> None:
+    arm = make_stage(CABINET).platform.scene.arms.all[0]
+    wide = arm.max_opening - 0.001
+    glass = lying("glass", "DrinkingGlass", (wide, wide, 0.12), "cylinder", wall=0.003)
+    scene = make_stage(CABINET, glass).platform.scene
+    found = candidates_of(Reach(ReachKind.GRASP, "glass"), arm, scene, Rejections(), Stage.ALL)
+    assert found
+    assert all((table.points[:, 2] > TOP + 0.08).all() for table in found)
+
+
 def test_fingers_that_turn_reach_out_most_in_between(make_stage: MakeStage) -> None:
     for arm in make_stage(CABINET).platform.scene.arms.all:
         openings, tips = arm.openings, Openings((), np.zeros((0, 1)), np.zeros(0))
