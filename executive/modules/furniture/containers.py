@@ -21,7 +21,7 @@ from executive.locations.headroom import way_out
 from executive.locations.shut_ways import behind_doors, is_gripped_from_beyond, open_wide
 from executive.locations.supposed import at_rest
 from executive.modules.arm.hand_work import HandWork
-from executive.modules.furniture.hand_paths import LeafPath
+from executive.modules.furniture.hand_paths import LeafPath, draws_back
 from executive.modules.furniture.leaf_paths import LeafPaths
 from executive.modules.furniture.witnessing import is_seen_from_here, is_witnessed
 from executive.modules.platform import Platform
@@ -223,7 +223,7 @@ class LeafWork(HandWork):
         return HandleNotReachable(f"{HandleNotReachable.text}: {missing}", what=leaf)
 
     def _leaves_a_way(self, path: LeafPath | None) -> bool:
-        """Check whether the base gets away once a path has moved the leaf, and what later steps do with it has a way.
+        """Check whether hand and base get away once a path has moved the leaf, and what later steps do has a way.
 
         That is to reach through it, and to close it: where the hand lets go of it, a wall may be too near for the arm.
         """
@@ -232,7 +232,8 @@ class LeafWork(HandWork):
         state = at_rest(self.platform.scene, self._moved(path.values[-1]), path.base)
         # a drawer that is out covers nothing; a door that is wide open may still be in the way
         is_out = self._joint.kind is JointKind.PRISMATIC and path.values[-1] > AT_ITS_END * self._joint.upper
-        leads_on = self.platform.ahead.gets_away(state) and (is_out or self._is_wide_enough(state))
+        leads_on = self.platform.ahead.gets_away(state) and draws_back(self.platform.scene.supposing(state), path)
+        leads_on = leads_on and (is_out or self._is_wide_enough(state))
         return leads_on and self._can_be_closed(float(path.values[-1]))
 
     def _can_be_closed(self, value: float) -> bool:

@@ -20,7 +20,7 @@ from executive.motion import Chain, cartesian_path
 from executive.robots.arms import ArmModel
 from executive.robots.openings import Fingers
 from planlang.geometry import Array
-from planlang.geometry.matrices import inverse, product
+from planlang.geometry.matrices import inverse, product, rotated
 from planlang.protocols import Configuration
 from planlang.records import dataclass
 from sim.joints import Articulation
@@ -66,6 +66,24 @@ class LeafPath:
             self.ends[:count],
         )
         return replace(self, poses=poses, values=values, joints=joints, ends=ends)
+
+
+def draws_back(scene: PlanningScene, path: LeafPath) -> bool:
+    """Check whether the arm can draw its open hand straight back where a path ends, in a scene with the leaf there."""
+    arm, start = path.arm, path.joints[-1]
+    turned = path.poses[-1][:3, :3] @ path.poses[1][:3, :3].T
+    back = rotated(turned, path.poses[0][:3, 3] - path.poses[1][:3, 3])
+    there, begin = inverse(base_matrices(np.array([path.base]))[0]), arm.chain.fk(start)[0]
+
+    def is_free(q: Array) -> bool:
+        return not scene.collisions.contacts(path.base, arm, q, path.handle, path.fingers)
+
+    def has_line(share: float) -> bool:
+        end = path.poses[-1].copy()
+        end[:3, 3] += share * back
+        return cartesian_path(arm.chain, start, begin, product(there, end), is_free).waypoints is not None
+
+    return any(map(has_line, LEAVING))
 
 
 def _lifted(scene: PlanningScene, arm: ArmModel) -> Chain:

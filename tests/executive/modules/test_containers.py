@@ -16,7 +16,7 @@ import pytest
 from executive.locations.hand_solutions import base_matrices
 from executive.locations.headroom import way_out
 from executive.maps import MapObject
-from executive.modules.furniture.hand_paths import LeafPath
+from executive.modules.furniture.hand_paths import LeafPath, draws_back
 from executive.modules.furniture.leaf_grips import grips_of
 from executive.modules.furniture.leaf_paths import LeafPaths
 from executive.motion import MotionError, cartesian_path, clearance_at
@@ -122,6 +122,20 @@ def test_a_hand_takes_a_handle_beside_a_wall_at_an_angle_at_which_its_fingers_ar
     joint = stage.platform.belief.joints["leaf"]
     way = first_way(stage, joint.upper, joint.first_open)
     assert abs(math.atan2(way.poses[1][1, 2], way.poses[1][0, 2])) > 0.3
+
+
+def test_an_arm_draws_its_hand_back_from_a_handle_unless_something_stands_close_behind_the_hand(
+    stack: ExitStack,
+) -> None:
+    box = thing("box", "Box-Container", Pose((-1.5, 1.5, 0.1)), (0.2, 0.2, 0.2))
+    stage = room(stack, (*beside_a_wall(0.8), box), "panda")
+    scene, belief = stage.platform.scene, stage.platform.belief
+    way = first_way(stage, belief.joints["leaf"].upper, belief.joints["leaf"].first_open)
+    state = belief.with_leaf("leaf", float(way.values[-1]))
+    assert draws_back(scene.supposing(state), way)
+    elbow = (Pose.planar(*way.base).matrix() @ way.arm.chain.fk(way.joints[-1])[0])[:3, 3] - 0.12 * way.poses[-1][:3, 2]
+    x, y, z = elbow.tolist()
+    assert not draws_back(scene.supposing(state.placed({"box": Pose((x, y, z))})), way)
 
 
 def test_a_leaf_beside_a_wall_is_opened_no_farther_than_a_hand_comes_to_its_handle_again(stack: ExitStack) -> None:
