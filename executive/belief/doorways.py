@@ -77,7 +77,7 @@ def narrow_doorway(scene: PlanningScene, place: Array) -> NarrowDoorway | None:
     The way is that of something slim. None if it has none, or if the robot fits through all doorways on it.
     """
     needed = needed_width(scene)
-    narrow = [one for one in _doorways(scene) if one[2] < needed]
+    narrow = [one for one in _doorways(scene, needed) if one[2] < needed]
     way = _slim_way(scene, place, [block for _, block, _, _ in narrow]) if narrow else None
     for point in () if way is None else way[:, None]:
         for name, block, width, door in narrow:
@@ -128,8 +128,10 @@ def is_wide_enough(scene: PlanningScene, door: Articulation) -> bool:
     return free_width(scene, door, door.upper) >= needed_width(scene) - SLACK
 
 
-def _doorways(scene: PlanningScene) -> list[tuple[str, Block, float, Articulation | None]]:
+def _doorways(scene: PlanningScene, needed: float) -> list[tuple[str, Block, float, Articulation | None]]:
     """List the doorways of the map with their widths [m] and doors, without those through which the base can drive.
+
+    It hardly can past a door that leaves less than what it ``needed`` [m], though a flood may get there.
 
     The width is that of the side before which there is floor, or of the wider side if something stands before both,
     less what a door in it takes as it is.
@@ -147,13 +149,15 @@ def _doorways(scene: PlanningScene) -> list[tuple[str, Block, float, Articulatio
         # furniture on one side of it hides which way it leads: no doorway is deeper than wide
         leads_along = block.half_x <= block.half_y if is_free == is_free_aside else is_free
         door, sides = doors.get(thing.name), before if leads_along else aside
-        if gets_past(scene, door) if door else all(reached.comes_near(point, BEYOND) for point in sides):
-            continue
         width = round(2 * (block.half_y if leads_along else block.half_x), 6)
         if door is not None:
             value = scene.belief.joint(door.leaf)
             width = 0.0 if door.is_shut(value) else min(width, free_width(scene, door, value))
-        found.append((thing.name, block, width, door))
+            is_passed = width >= needed and gets_past(scene, door)
+        else:
+            is_passed = all(reached.comes_near(point, BEYOND) for point in sides)
+        if not is_passed:
+            found.append((thing.name, block, width, door))
     return found
 
 

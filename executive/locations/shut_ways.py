@@ -10,7 +10,15 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from executive.belief.doorways import AS_FAR_AS_IT_GOES, BEYOND, PAST, free_width, gets_past, is_wide_enough
+from executive.belief.doorways import (
+    AS_FAR_AS_IT_GOES,
+    BEYOND,
+    PAST,
+    free_width,
+    gets_past,
+    is_wide_enough,
+    needed_width,
+)
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.standing import Standing
 from planlang.designators import FixedPose
@@ -144,9 +152,11 @@ def open_wide(scene: PlanningScene, joint: Articulation) -> float:
 
     At least so far that it counts as open, and no further if it does not get past it anyhow.
     """
+    needed = min(needed_width(scene), free_width(scene, joint, WIDER[-1] * joint.upper))
 
     def passes(value: float) -> bool:
-        return gets_past(scene.supposing(scene.belief.with_leaf(joint.leaf, value)), joint)
+        then = scene.supposing(scene.belief.with_leaf(joint.leaf, value))
+        return free_width(scene, joint, value) >= needed and gets_past(then, joint)
 
     return next((value for value in (share * joint.upper for share in WIDER) if passes(value)), joint.first_open)
 
@@ -154,12 +164,15 @@ def open_wide(scene: PlanningScene, joint: Articulation) -> float:
 def least_passed(scene: PlanningScene, joint: Articulation) -> float:
     """Compute how far an open door between rooms may be closed so that the base surely drives past it [rad or m].
 
-    Infinite if it does not get past it as it is.
+    Infinite if it does not get past it as it is. The base may just get past a door of less width than it needs at any
+    place of the grid, but then its path may fail for a centimetre.
     """
+    needed = needed_width(scene)
 
     def passes(value: float) -> bool:
         then = scene.supposing(scene.belief.with_leaf(joint.leaf, value))
-        return not then.collisions.contacts(then.base()) and gets_past(then, joint)
+        is_wide = free_width(scene, joint, value) >= needed
+        return is_wide and not then.collisions.contacts(then.base()) and gets_past(then, joint)
 
     least, low = scene.belief.joint(joint.leaf), 0.0
     if not passes(least):
