@@ -63,7 +63,7 @@ class NarrowDoorway:
         needed = f"{holding} the robot needs {self.needed:.2f} m"
         if not self.door:
             return f"{self.name} is {self.width:.2f} m wide;{needed}"
-        if self.wide_open < self.needed - SLACK:
+        if self.wide_open < self.needed:
             return f"{self.name} is {self.wide_open:.2f} m wide with {self.door} open;{needed}"
         if self.width == 0.0:
             return f"{self.door} in {self.name} is closed"
