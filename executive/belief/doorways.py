@@ -31,8 +31,6 @@ THIN = ((0.1, 1.0, 0.01),)
 """Silhouette of a line: only walls between floor and position count."""
 AVOIDED = 1000.0
 """Cost of a metre within a doorway that is too narrow, in metres elsewhere."""
-SLACK = 0.05
-"""Width that a doorway may lack at most if the robot drives through: it needs less where the grid suits it [m]."""
 AS_FAR_AS_IT_GOES = 0.97
 """Share of its range from which on it does not help to open a door further."""
 BEYOND = 0.3
@@ -121,11 +119,6 @@ def needed_width(scene: PlanningScene) -> float:
     """Compute the width of a doorway through which the robot drives as it does, wherever it is in the map [m]."""
     floor = scene.collisions.travelled()
     return narrowest_doorway(floor.silhouette, floor.outlines) or WIDTHS[-1]
-
-
-def is_wide_enough(scene: PlanningScene, door: Articulation) -> bool:
-    """Check whether a door between rooms, open as far as it goes, leaves room for the robot as it drives."""
-    return free_width(scene, door, door.upper) >= needed_width(scene) - SLACK
 
 
 def _doorways(scene: PlanningScene, needed: float) -> list[tuple[str, Block, float, Articulation | None]]:

@@ -16,7 +16,6 @@ from executive.belief.doorways import (
     PAST,
     free_width,
     gets_past,
-    is_wide_enough,
     needed_width,
 )
 from executive.belief.planning_scene import PlanningScene
@@ -89,7 +88,6 @@ def _to_open(
         for one in belief.joints.values()
         if one.frame and one.leaf not in but and belief.joint(one.leaf) < AS_FAR_AS_IT_GOES * one.upper
     ]
-    doors = [one for one in doors if is_wide_enough(scene, one)]
     if not doors or not is_possible(_opened(scene, doors)):
         return []
     # where another way leads, a door that has no handle is not needed
