@@ -75,7 +75,7 @@ def narrow_doorway(scene: PlanningScene, place: Array) -> NarrowDoorway | None:
     The way is that of something slim. None if it has none, or if the robot fits through all doorways on it.
     """
     needed = needed_width(scene)
-    narrow = [one for one in _doorways(scene, needed) if one[2] < needed]
+    narrow = _narrower(scene, needed)
     way = _slim_way(scene, place, [block for _, block, _, _ in narrow]) if narrow else None
     for point in () if way is None else way[:, None]:
         for name, block, width, door in narrow:
@@ -121,13 +121,12 @@ def needed_width(scene: PlanningScene) -> float:
     return narrowest_doorway(floor.silhouette, floor.outlines) or WIDTHS[-1]
 
 
-def _doorways(scene: PlanningScene, needed: float) -> list[tuple[str, Block, float, Articulation | None]]:
-    """List the doorways of the map with their widths [m] and doors, without those through which the base can drive.
+def _narrower(scene: PlanningScene, needed: float) -> list[tuple[str, Block, float, Articulation | None]]:
+    """List the doorways narrower than ``needed`` [m] with their widths [m] and doors.
 
-    It hardly can past a door that leaves less than what it ``needed`` [m], though a flood may get there.
-
-    The width is that of the side before which there is floor, or of the wider side if something stands before both,
-    less what a door in it takes as it is.
+    Left out are those without a door through which the base can drive; past a door that leaves less, a flood may get
+    where no exact path does. The width is that of the side before which there is floor, or of the wider side if
+    something stands before both, less what a door in it takes as it is.
     """
     found = []
     known, boxes, reached = scene.belief.map, _without_doors(scene), scene.collisions.reached()
@@ -146,10 +145,7 @@ def _doorways(scene: PlanningScene, needed: float) -> list[tuple[str, Block, flo
         if door is not None:
             value = scene.belief.joint(door.leaf)
             width = 0.0 if door.is_shut(value) else min(width, free_width(scene, door, value))
-            is_passed = width >= needed and gets_past(scene, door)
-        else:
-            is_passed = all(reached.comes_near(point, BEYOND) for point in sides)
-        if not is_passed:
+        if width < needed and (door is not None or not all(reached.comes_near(point, BEYOND) for point in sides)):
             found.append((thing.name, block, width, door))
     return found
 

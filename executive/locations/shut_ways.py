@@ -10,14 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from executive.belief.doorways import (
-    AS_FAR_AS_IT_GOES,
-    BEYOND,
-    PAST,
-    free_width,
-    gets_past,
-    needed_width,
-)
+from executive.belief.doorways import AS_FAR_AS_IT_GOES, BEYOND, PAST, free_width, gets_past, needed_width
 from executive.belief.planning_scene import PlanningScene
 from executive.locations.standing import Standing
 from planlang.designators import FixedPose

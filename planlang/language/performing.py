@@ -86,7 +86,7 @@ class HeldPose:
 
 
 held_pose: ContextVar[HeldPose | None] = ContextVar("held pose", default=None)
-last_resources: ContextVar[list[tuple[str, ...]] | None] = ContextVar("resources of the last action", default=None)
+last_resources: ContextVar[list[str] | None] = ContextVar("resources of the last action", default=None)
 """What the last action of a plan used that has ended well, without those that modules perform; empty before one has."""
 
 
@@ -231,7 +231,7 @@ async def _performed(action: Action, path_element: str, once: bool, otherwise: B
     if pose is not None and releases:
         pose.released(action, None if _inside_module.get() else result)
     if (last := last_resources.get()) is not None and not _inside_module.get():
-        last[:] = [resources]
+        last[:] = resources
     return result
 
 

@@ -39,7 +39,7 @@ async def tidied(body: Callable[[], Awaitable[V]]) -> V:
     When it has failed, put down what is held, if possible and where recoveries are on; then raise the failure. Raises
     NavigationFailure if the body ended with a movement of the base, and the robot does not get back from the doors.
     """
-    owed, failure, last = dict[Object, None](), None, list[tuple[str, ...]]()
+    owed, failure, last = dict[Object, None](), None, list[str]()
     token, of_last = _owed.set(owed), last_resources.set(last)
     try:
         result = await body()
@@ -55,7 +55,7 @@ async def tidied(body: Callable[[], Awaitable[V]]) -> V:
         try:
             await perform(action("ClosingDoorsAgain", object_acted_on=tuple(owed)))
         except NavigationFailure:
-            if last and {"base"} <= {*last[0]} <= MOVING:
+            if {"base"} <= {*last} <= MOVING:
                 raise
         except PlanFailure:  # the tree of the run has it
             pass
